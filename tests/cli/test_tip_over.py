@@ -70,6 +70,12 @@ def test_a_sweep_is_printed_and_drawn(tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_without_a_sweep_the_margin_is_drawn_over_the_acceleration(tmp_path):
+    picture = tmp_path / "arm.svg"
+    done = mrl("tip-over", "mecanum-arm", "--plot", picture)
+    assert done.stdout.endswith(f"{picture}\n") and b"acceleration [m/s2]" in picture.read_bytes()
+
+
 def test_documented_margins_are_those_of_the_packaged_vehicle():
     def shown(name, *values):
         found = Situation(vehicle_file.load("mecanum-arm"))

@@ -15,14 +15,8 @@ from .margin import DIRECTIONS, Push, Range, Situation, Vector, greatest_acceler
 _LINES = 12  # most lines of a sweep that are printed
 _NAMED: Dict[str, Vector] = {name: (*level, 0.0) for name, level in DIRECTIONS.items()}
 _NAMED.update(up=(0.0, 0.0, 1.0), down=(0.0, 0.0, -1.0))  # directions of a force, by name
-_DIRECTIONS_DRAWN, _VALUES = 120, 100
+_VALUES = 100
 _LOWEST_DEG = -20.0  # lower end of the axis of a sweep's margins; the vehicle tips over far above it
-_STYLES = {
-    "forward": (figures.BLUE, "-"),
-    "back": (figures.ORANGE, "--"),
-    "left": (figures.GREEN, ":"),
-    "right": (figures.PINK, "-."),
-}
 
 
 def _number(name: str, low: float, high: float, unit: str, text: str, **options: Any) -> Any:
@@ -69,7 +63,13 @@ def _number(name: str, low: float, high: float, unit: str, text: str, **options:
     metavar="QUANTITY=FROM:TO",
     help="Show the margin over arm-angle [deg], arm-height [m], acceleration [m/s2] or force [N].",
 )
-@click.option("--plot", "picture", metavar="PICTURE", type=click.Path(), help="Draw it: PNG, PDF or SVG.")
+@click.option(
+    "--plot",
+    "picture",
+    metavar="PICTURE",
+    type=click.Path(),
+    help="Draw that, or the margin over the acceleration: PNG, PDF or SVG.",
+)
 @click.option(
     "--limits",
     "robot",
@@ -178,13 +178,15 @@ def _direction(text: str) -> Optional[Vector]:
 
 def _show(situation: Situation, reserve_rad: float, picture: Optional[str], as_json: bool) -> None:
     vehicle, push = situation.vehicle, situation.push
+    tips = limits(situation)
     if picture:
-        _draw(situation, picture, reserve_rad)
+        over = Range("acceleration", 0.0, 1.05 * max(tips.values()) or 1.0)
+        _draw_sweep(situation, over, picture, reserve_rad)
     made: Dict[str, Any] = {
         "vehicle": vehicle.name,
         "whole": vehicle.whole._asdict(),
         "margin_rad": Situation(vehicle).margin().angle_rad,
-        "tips_m_s2": limits(situation),
+        "tips_m_s2": tips,
         "limit_m_s2": limits(situation, reserve_rad),
         "limit_anywhere_m_s2": greatest_acceleration(situation, None, reserve_rad),
         "reserve_rad": reserve_rad,
@@ -288,17 +290,7 @@ def _show_sweep(
         click.echo(picture)
 
 
-# -- pictures
-
-
-def _draw(now: Situation, path: str, reserve_rad: float) -> None:
-    figure, mass = figures.figure(11.0, 5.0), now.vehicle.whole
-    figure.suptitle(
-        f"{figures.plain(now.vehicle.name)}: {mass.mass_kg:g} kg, centre of mass {mass.height_m:.3f} m above the ground"
-    )
-    _draw_margins(figure.add_subplot(1, 2, 1), now, reserve_rad)
-    _draw_directions(figure.add_subplot(1, 2, 2, projection="polar"), now, reserve_rad)
-    figures.save(figure, path)
+# -- the picture
 
 
 def _draw_sweep(now: Situation, over: Range, path: str, reserve_rad: float) -> None:
@@ -308,43 +300,15 @@ def _draw_sweep(now: Situation, over: Range, path: str, reserve_rad: float) -> N
     angles = [math.degrees(each.angle_rad) for _, each in found]
     axes.plot([value for value, _ in found], angles, color=figures.BLUE, label="least margin")
     axes.axhspan(_LOWEST_DEG, 0.0, color=figures.ORANGE, alpha=0.2, label="tips over")
+    if reserve_rad:
+        axes.axhline(math.degrees(reserve_rad), color=figures.GREY, label="reserve")
     axes.set(
         title=figures.plain(now.vehicle.name),
         xlim=(over.first, over.last),
         ylim=(_LOWEST_DEG, max(30.0, 1.1 * max(angles))),
+        xlabel=f"{over.name.replace('-', ' ')} [{over.quantity.unit}]",
+        ylabel="least force-angle margin [deg]",
     )
-    _finish(axes, f"{over.name.replace('-', ' ')} [{over.quantity.unit}]", reserve_rad)
-    figures.save(figure, path)
-
-
-def _finish(axes: Any, x_label: str, reserve_rad: float) -> None:
-    if reserve_rad:
-        axes.axhline(math.degrees(reserve_rad), color=figures.GREY, label="reserve")
-    axes.set(xlabel=x_label, ylabel="least force-angle margin [deg]")
     axes.grid(color="0.9")
     axes.legend()
-
-
-def _draw_margins(axes: Any, now: Situation, reserve_rad: float) -> None:
-    most = 1.05 * max(limits(now).values()) or 1.0
-    values = [most * i / _VALUES for i in range(_VALUES + 1)]
-    for name, direction in DIRECTIONS.items():
-        colour, dashes = _STYLES[name]
-        found = [now._replace(acceleration_m_s2=value, direction=direction).margin() for value in values]
-        angles = [math.degrees(each.angle_rad) for each in found]
-        axes.plot(values, angles, dashes, color=colour, label=name)
-    axes.axhline(0.0, color="black", linewidth=0.8)
-    _finish(axes, "acceleration [m/s2]", reserve_rad)
-
-
-def _draw_directions(axes: Any, now: Situation, reserve_rad: float) -> None:
-    angles = [2 * math.pi * i / _DIRECTIONS_DRAWN for i in range(_DIRECTIONS_DRAWN + 1)]
-    for reserve, style, colour, label in (
-        (0.0, "-", figures.BLUE, "tips over"),
-        (reserve_rad, "--", figures.ORANGE, "keeps the reserve"),
-    ):
-        most = [greatest_acceleration(now, (math.cos(angle), math.sin(angle)), reserve) for angle in angles]
-        axes.plot(angles, most, style, color=colour, label=label)
-    axes.set_theta_zero_location("N")
-    axes.set_title("greatest acceleration by direction [m/s2]", fontsize="medium")
-    axes.legend(loc="lower right")
+    figures.save(figure, path)
