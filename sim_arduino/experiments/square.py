@@ -148,7 +148,7 @@ def calibrated(setting: Setting, error: str) -> Drive:
     rng = random.Random(f"tape {setting.seed}")
     with open_robot(setting, error=error) as robot:
         runs = [each._replace(end=disturbances.measured(each.end, rng)) for each, _ in _laps(robot, LAPS)]
-        found = evaluate(UMBMARK, runs, robot.model, SIDE_M, fit.BY_TAPE).after
+        found = evaluate(UMBMARK, runs, robot.model, fit.BY_TAPE).after
     assert isinstance(found, Drive)
     return found
 

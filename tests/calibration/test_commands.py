@@ -270,7 +270,7 @@ def test_umbmark_from_recordings(lab, tmp_path):
     for way, jump, end, said in (
         (paths.straight(1.0), 0, "1,0", "went straight, expected a run of mrl calibrate umbmark"),
         (paths.square(), 9000, "0,0", "a.mrl: the counts jumped 2 times"),
-        (paths.square(), 0, "0,0", "there are 1 counter-clockwise laps, expected 2 to 50"),
+        (paths.square(), 0, "0,0", "there are 1 counter-clockwise laps, expected at least 2"),
     ):
         file = record(tmp_path / "a.mrl", way, jump=jump)
         assert said in lab.refused(*words, "--run", f"{file}:{end}")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.apps.calibration import fit, gains, geometry_procedures, umbmark, wiring_check
+from mrl_driver.apps.calibration import fit, gains, geometry_procedures, wiring_check
 from mrl_driver.apps.calibration.gains import BridgeGains, DutyStep, Motor
 from mrl_driver.apps.calibration.ground_truth import Truth, parse_pose, truth_file
 from mrl_driver.apps.calibration.trial import Trial, errors, path, spread
@@ -305,18 +305,15 @@ def test_square_and_straight_runs_give_the_true_drive(true):
     assert np.abs(errors(found.drive, runs)).max() < SAME_M
 
 
-def test_umbmark_tells_unequal_wheels_from_a_wrong_wheelbase():
-    ratio, slip = 1.005, 0.01
-    true = BELIEVED._replace(wheel_offset=2 * (ratio - 1) / (ratio + 1), turn_slip=slip)
-    runs = laps(true)
-    points = [tuple(row[:2]) for row in errors(BELIEVED, runs).tolist()]
-    found = umbmark.closed_form(points[:2], points[2:], 1.0, BELIEVED.wheel_separation_m)
-    assert found.wheel_ratio == pytest.approx(ratio, abs=2e-4)
-    assert found.wheelbase_ratio == pytest.approx(1 / (1 - slip), abs=1e-3)
-    assert umbmark.corrected(BELIEVED, found, True) == pytest.approx(true, abs=1e-3)
-    assert umbmark.corrected(BELIEVED, found, False).wheel_separation_m == pytest.approx(
-        BELIEVED.wheel_separation_m / (1 - slip), rel=1e-3
-    )
+@pytest.mark.parametrize("tracks", [True, False])
+@pytest.mark.parametrize("share", [0.01, 0.25])
+def test_umbmark_tells_unequal_wheels_from_a_wrong_wheelbase(share, tracks):
+    """However wrong the believed drive is; on tracks the slip is found, on wheels the wheelbase."""
+    found = {fit.SLIP: share} if tracks else {fit.AXLE: BELIEVED.wheel_separation_m / (1 - share)}
+    true = BELIEVED._replace(wheel_offset=share / 5, **found)
+    model = TRAXBOT._replace(drive=BELIEVED, body=TRAXBOT.body._replace(tracks=tracks))
+    outcome = geometry_procedures.evaluate(geometry_procedures.UMBMARK, laps(true), model)
+    assert outcome.after == pytest.approx(true, abs=1e-5)
 
 
 def test_an_end_measured_wrong_is_named_with_what_drives_it_again():

@@ -1,7 +1,4 @@
-"""Fits geometry and noise to the measured ends of runs, by weighted least squares over the counts.
-
-UMBmark's closed form is valid for small errors on a perfect square.  This fit starts from it and is valid for any run.
-"""
+"""Fits geometry and noise to the measured ends of runs, by weighted least squares over the counts."""
 
 from typing import Callable, Dict, List, NamedTuple, Sequence, Tuple, Union
 

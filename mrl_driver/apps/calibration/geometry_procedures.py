@@ -1,4 +1,9 @@
-"""`mrl calibrate straight`, `turn`, `sideways`, `umbmark`: the runs, and their evaluation by `fit` and `umbmark`."""
+"""`mrl calibrate straight`, `turn`, `sideways`, `umbmark`: the runs, and their evaluation by `fit`.
+
+UMBmark (Borenstein and Feng 1996) drives squares in both directions: a wrong wheelbase turns each corner too far, alike
+in both, and unequal wheels bend each side, always to the same side.  The fit replaces the paper's closed form, which is
+exact for small errors alone.
+"""
 
 import functools
 import math
@@ -22,9 +27,9 @@ from .fit import AXLE, CROSS, OFFSET, RADIUS, REAR, SCALE, SIDE, SLIP, Geometry,
 from .ground_truth import NOT_MEASURED, Ruler, parse_pose, ruler_for, tell
 from .manoeuvres import Speeds, Track, steps_of
 from .trial import LEFT, NEITHER, RIGHT, Trial, errors, require_plausible, require_sense, sense
-from .umbmark import Point, UmbmarkResult, closed_form, corrected
 
 STRAIGHT, TURN, SIDEWAYS, UMBMARK = "straight", "turn", "sideways", "umbmark"
+LEAST_LAPS = 2  # laps in each direction; fewer show no spread.  The paper drives 5.
 _WHOLE_TURN = 2 * np.pi
 
 
@@ -44,7 +49,6 @@ class Outcome(NamedTuple):
     errors_before: np.ndarray
     errors_after: np.ndarray
     noise: Mapping[str, float]  # what was measured of the model's `Noise`, by its keys
-    square: Optional[UmbmarkResult] = None
 
 
 def straight_legs(runs: int, distance_m: float, speeds: Speeds, sideways: bool = False) -> List[Leg]:
@@ -132,21 +136,18 @@ def evaluate(
     procedure: str,
     runs: List[Trial],
     model: RobotModel,
-    side_m: float = 1.0,
     measured: Measured = fit.BY_TAPE,
     others: Sequence[Trial] = (),
 ) -> Outcome:
     """Evaluate the runs of a procedure; ConfigError if they are too few, or one contradicts the others.
 
-    `side_m` is the side of UMBmark's square, `measured` the accuracy of the ends; `others` are runs of other
-    procedures, for the noise.
+    `measured` is the accuracy of the ends; `others` are runs of other procedures, for the noise.
     """
     before = start = geometry(model, procedure)
-    free, result = free_numbers(procedure, model), None
+    free = free_numbers(procedure, model)
     found = errors(before, runs)
     if procedure == UMBMARK:
-        result = _umbmark(runs, found, before, side_m)
-        start = corrected(before, result, model.body.tracks)
+        _require_laps(before, runs)
     elif len(runs) < 2:
         raise ConfigError(f"there is {len(runs)} run, expected at least 2")
     elif procedure == TURN:
@@ -159,7 +160,7 @@ def evaluate(
         whole = fit.GeometryFit(fitted.drive, errors(fitted.drive, together), ())
         random = fit.estimate_noise(together, whole, len(free) + (len(others) > 0), measured)
         noise.update(wheel_m2_per_m=random.wheel_m2_per_m, turn_rad2_per_rad=random.turn_rad2_per_rad)
-    return Outcome(before, fitted.drive, found, fitted.errors, noise, result)
+    return Outcome(before, fitted.drive, found, fitted.errors, noise)
 
 
 def _require_no_outlier(runs: List[Trial], fitted: fit.GeometryFit) -> None:
@@ -172,11 +173,11 @@ def _require_no_outlier(runs: List[Trial], fitted: fit.GeometryFit) -> None:
         )
 
 
-def _umbmark(runs: List[Trial], found: np.ndarray, drive: Geometry, side_m: float) -> UmbmarkResult:
-    points: Dict[str, List[Point]] = {LEFT: [], RIGHT: []}
-    for run, row in zip(runs, found):
-        points[sense(drive, run)].append((float(row[0]), float(row[1])))
-    return closed_form(points[LEFT], points[RIGHT], side_m, drive.turning_separation_m)
+def _require_laps(drive: Geometry, runs: List[Trial]) -> None:
+    senses = [sense(drive, run) for run in runs]
+    for each in (LEFT, RIGHT):
+        if senses.count(each) < LEAST_LAPS:
+            raise ConfigError(f"there are {senses.count(each)} {each} laps, expected at least {LEAST_LAPS}")
 
 
 def values_for(model: RobotModel, outcome: Outcome) -> Dict[Key, float]:
@@ -213,7 +214,7 @@ class CalibrationPlan(NamedTuple):
 
     def evaluate(self, runs: List[Trial], model: RobotModel, output: str, **options: Any) -> Result:
         """Evaluate the runs, with the `options` of `evaluate`."""
-        outcome = evaluate(self.procedure, runs, model, self.settings.get("side_m", 1.0), **options)
+        outcome = evaluate(self.procedure, runs, model, **options)
         draw = partial(_draw, outcome, [sense(outcome.after, each) for each in runs])
         values, lines = values_for(model, outcome), _lines(outcome)
         return Result(self.procedure, model, output, values, lines, _facts(outcome), draw)
@@ -378,18 +379,11 @@ def _lines(outcome: Outcome) -> List[str]:
     if outcome.after.metres_per_count != outcome.before.metres_per_count:
         before, after = (1 / drive.metres_per_count for drive in (outcome.before, outcome.after))
         lines.append(f"counts per metre: {before:.1f} before, {after:.1f} after")
-    if outcome.square is not None:
-        square = outcome.square
-        lines.append(
-            f"UMBmark: E_d {square.wheel_ratio:.5f}, E_b {square.wheelbase_ratio:.5f}, type A "
-            f"{math.degrees(square.corner_excess_rad):.2f} deg per corner, type B "
-            f"{math.degrees(square.side_bend_rad):.2f} deg per side, E_max {square.worst_m * 1000:.1f} mm"
-        )
     return lines
 
 
 def _facts(outcome: Outcome) -> Dict[str, Any]:
-    facts: Dict[str, Any] = {
+    return {
         "runs": len(outcome.errors_before),
         "drive_before": outcome.before._asdict(),
         "drive_after": outcome.after._asdict(),
@@ -397,9 +391,6 @@ def _facts(outcome: Outcome) -> Dict[str, Any]:
         "errors_after_m_rad": outcome.errors_after.tolist(),
         "noise": dict(outcome.noise),
     }
-    if outcome.square is not None:
-        facts["umbmark"] = outcome.square._asdict()
-    return facts
 
 
 def _draw(outcome: Outcome, senses: Sequence[str], path: str) -> None:

@@ -98,7 +98,7 @@ def consistency() -> float:
         (geometry_procedures.UMBMARK, geometry_procedures.umbmark_legs(RUNS[2], 0.5, _SPEEDS)),
     ):
         new = robot.drive(legs)
-        found = geometry_procedures.evaluate(procedure, new, model, 0.5, fit.BY_TRUTH, runs)
+        found = geometry_procedures.evaluate(procedure, new, model, fit.BY_TRUTH, runs)
         model = model._replace(drive=found.after, noise=model.noise._replace(**found.noise))
         runs += new
     print(f"noise {model.noise}, {model.drive}")
