@@ -24,7 +24,6 @@ NODES = {
     "step-test": ("team_node", "drive_steps"),
     "mixed-team": ("team_node", "wander_team"),
     "shared-waypoint": ("team_node", "share_waypoint"),
-    "turnaround": ("turnaround_node", "measure"),
 }
 """Experiments by name; module and function of the part that runs through ROS, whose result the experiment gets."""
 NEEDED = ("rospy", "tf2_ros", "actionlib", "move_base_msgs", "nav_msgs", "sensor_msgs")

@@ -103,9 +103,9 @@ class OdometryRobot:
             self._cmd_vel.publish(twist_of(linear_m_s, angular_rad_s))
 
 
-def wait_for(parts: Parts, *known: TimedPoses, then: _Then = ignore) -> OdometryRobot:
-    """The robot, when all poses have come; `then` gets each odometry message.  MrlError if a part fails, or is late."""
-    robot = OdometryRobot(then=then)
+def wait_for(parts: Parts, *known: TimedPoses) -> OdometryRobot:
+    """The robot, when all poses have come; MrlError if a part fails, or is late."""
+    robot = OdometryRobot()
     wait_until(lambda: parts.check() or (robot.known and all(map(len, known))), START_S)  # type: ignore[func-returns-value]
     if not robot.known:
         raise MrlError(f"no odometry after {START_S:g} s")

@@ -41,7 +41,7 @@ EXPERIMENTS = {
     "crossing": Experiment("crossing", "two robots at a blind crossing, by radio alone"),
     "environment": Experiment("arena_sweep", "map of heat, dust and alcohol in the arena"),
     "tip-over": Experiment("tip_over", "robot with a mast that drives fast, with and without limits"),
-    "turnaround": Experiment("turnaround", "time of messages between PC, or topic, and motor board"),
+    "turnaround": Experiment("turnaround", "time of messages between PC and motor board"),
 }
 
 

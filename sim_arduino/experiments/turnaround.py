@@ -174,33 +174,18 @@ REMARK = (
 NOT_BUILT = (
     "Sketches to compare with are not built (make comparison in a checkout), so that their rows are missing: "
 )
-TO_TOPICS = (
-    "Through ROS: medians of 200 messages in real time, in the default mode, with checksum. The time of a frame begins "
-    "when it has left the board, that of a command ends with its last byte on the serial link."
-)
 Runs = Dict[Subject, List[List[Message]]]  # the messages of each seed
 
 
-class Topics(NamedTuple):
-    """Times of one message between the board and ROS [ms]: frame to Odometry in a subscriber, and cmd_vel to the end of
-    the command on the serial link.
-    """
-
-    odometry_ms: float
-    command_ms: float
-
-
-def run(setting: Setting, topics: Optional[Topics] = None) -> Result:
-    """Sends messages at random phases, and draws their total time; with the times of ROS, if given."""
+def run(setting: Setting) -> Result:
+    """Sends messages at random phases, and draws their total time."""
     built = [subject for subject in SUBJECTS if subject.path is None or os.path.isfile(subject.path)]
     runs = {subject: _runs(setting, subject) for subject in built}
     rows = [_row(subject, runs) for subject in runs] + _link_rows(setting, runs[PLAIN])
-    if topics:
-        rows += _ros_rows(topics, _total(CHECKED.key).figure(runs[CHECKED]))
     missing = "; ".join(subject.text for subject in SUBJECTS if subject not in runs)
-    remarks = [REMARK, f"{NOT_BUILT}{missing}." if missing else "", TO_TOPICS if topics else ""]
-    picture, title = _draw(setting, runs, topics), "Time of messages between PC and motor board"
-    return Result("turnaround", title, rows, [picture], " ".join(filter(None, remarks)))
+    remark = f"{REMARK} {NOT_BUILT}{missing}." if missing else REMARK
+    title = "Time of messages between PC and motor board"
+    return Result("turnaround", title, rows, [_draw(setting, runs)], remark)
 
 
 def _runs(setting: Setting, subject: Subject, **others: Any) -> List[List[Message]]:
@@ -231,19 +216,7 @@ def _link_rows(setting: Setting, plain: Sequence[Sequence[Message]]) -> List[Fig
     return [Figure(f"link_{COUNT}_ms", text, link_ms, "ms"), short.figure(runs)]
 
 
-def _ros_rows(topics: Topics, checked: Figure) -> List[Figure]:
-    """Figures of the messages through ROS, in the default mode."""
-    odometry_ms, commands_ms = COUNT * topics.odometry_ms, COUNT * topics.command_ms
-    whole_ms = float(checked.ours) + odometry_ms
-    rows = (
-        ("ros_odometry", "frames from the board to Odometry in a subscriber", odometry_ms),
-        ("ros_commands", "commands from cmd_vel to the end of the serial link", commands_ms),
-        ("ros", "messages to the motor board, back and on to a topic", whole_ms),
-    )
-    return [Figure(f"{key}_{COUNT}_ms", f"{COUNT} {text}, with checksum", ms, "ms") for key, text, ms in rows]
-
-
-def _draw(setting: Setting, runs: Runs, topics: Optional[Topics]) -> str:
+def _draw(setting: Setting, runs: Runs) -> str:
     made, (axes,) = plot_style.figure(1, 7.5, 5.2)
     looks = (
         (PLAIN, plot_style.BLUE, "-"),
@@ -255,12 +228,6 @@ def _draw(setting: Setting, runs: Runs, topics: Optional[Topics]) -> str:
     for subject, colour, line in looks:
         if subject in runs:
             plot_style.path(axes, _points(runs[subject]), colour, subject.text, line)
-    if topics:
-        for label, each_ms, colour in (
-            ("ROS: cmd_vel to the serial link", topics.command_ms, plot_style.PINK),
-            ("ROS: frame to odom", topics.odometry_ms, plot_style.SKY),
-        ):
-            plot_style.path(axes, [(0, 0), (RATE_HZ, RATE_HZ * each_ms)], colour, label, "--")
     for name, mark, each_ms in (("rosserial", "s", PUBLISHED_MS), ("frames", "^", PUBLISHED_MS * (1 - LESS))):
         axes.plot(COUNT, each_ms, mark, color=plot_style.GREEN, label=f"published: {name}")
     axes.set(xlabel="messages", ylabel="total time [ms]", xlim=(0, None), ylim=(0, None))

@@ -15,15 +15,14 @@ MESSAGES = 3
 
 
 def test_messages_take_less_time_than_those_of_the_sketch_in_the_same_mode(tmp_path, monkeypatch):
-    """20 checked messages, and 20 times the time from frame to topic; rosserial has the same baud rate."""
+    """rosserial has the same baud rate."""
     monkeypatch.setattr(experiment_report, "SEEDS", 1)
-    result = turnaround.run(Setting(str(tmp_path)), turnaround.Topics(1.0, 2.0))
+    result = turnaround.run(Setting(str(tmp_path)))
     assert result.pictures == ["turnaround.png"]
     rows = {row.key: row for row in result.rows}
     for row in (rows["plain_20_ms"], rows["checked_20_ms"]):
         assert row.ours <= row.worst < row.control
     assert rows["checked_20_ms"].control == rows["rosserial_115200_20_ms"].ours
-    assert rows["ros_20_ms"].ours == rows["checked_20_ms"].ours + 20.0
     link_ms = rows["link_20_ms"].ours
     assert turnaround.PUBLISHED_MS * (1 - turnaround.LESS) < link_ms < rows["plain_20_ms"].ours
 

@@ -1,7 +1,6 @@
 """Experiments through ROS."""
 
 import importlib.util
-import json
 import math
 import subprocess
 import sys
@@ -20,7 +19,6 @@ from mrl_driver.robot.sonar import NAMES
 from mrl_driver.robot.sonar_curve import THESIS
 from ros1_bridge.experiments import legs, one_robot_node, team_node
 from ros1_bridge.experiments.legs import Parts, environment
-from ros1_bridge.experiments.turnaround_node import command_s, commanded, odometry_s, read, sent
 from sim_arduino.experiments import cli, disturbances, l_course, sonar_approach, square
 from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
@@ -31,7 +29,6 @@ from tests.waiting import wait_until
 from .rig import START_S
 
 START, AHEAD_M, NEAR_M, DRIVE_S = Pose(-1.0, 0.5, math.pi / 2), 0.15, 0.06, 60.0
-HOST, BOARD = "host", "board"
 
 
 @pytest.fixture
@@ -113,25 +110,6 @@ def test_sonar_that_approaches_a_wall_through_ros_has_its_hidden_curve(parts, mo
 def heard_by(master, node):
     """Topics that a node subscribes to."""
     return {topic for topic, nodes in master.getSystemState()[1] if node in nodes}
-
-
-def test_frames_and_commands_are_found_in_the_boards_log(tmp_path):
-    """Times are the host's; the first frame of a speed counts, and its bytes on the wire."""
-    log, truth = tmp_path / "log", tmp_path / "truth"
-    truth.write_text(json.dumps({"t": 1.0, "host_monotonic": 101.0}) + "\n")
-    noted = [
-        (2.0, BOARD, "@8,1,2,3,4,5,6,7,8e\r\n"),
-        (2.5, HOST, "@30e@11,299,0,7e"),
-        (2.6, HOST, "@11,299,0,7e"),
-        (3.0, BOARD, "@30,1e\r\n"),
-    ]
-    log.write_text("".join(json.dumps({"t": t, "from": who, "bytes": data}) + "\n" for t, who, data in noted))
-    rows = read(log, truth)
-    assert sent(rows) == [102.0]
-    assert commanded(rows, 0.0) == {299: pytest.approx(102.5 + 16 * 10 / 115200)}
-    assert odometry_s([1.0, 2.0, 3.0], [1.001, 2.002, 3.009]) == pytest.approx(0.002)
-    assert command_s({299: 1.0, 298: 2.0}, {298: 2.003}) == pytest.approx(0.003), "one was overtaken"
-    assert commanded(rows, 102.55) == {299: pytest.approx(102.6 + 12 * 10 / 115200)}
 
 
 def test_what_ros_and_shared_worlds_write_is_in_the_folder():
