@@ -49,7 +49,6 @@ class Chip(NamedTuple):
     analog: int
     """Number of A0."""
     flash_bytes: int
-    sram_bytes: int
     eeprom_bytes: int
 
     def number(self, text: str) -> Optional[int]:
@@ -101,7 +100,6 @@ ATMEGA328P = Chip(
     no_encoder=13,
     analog=14,
     flash_bytes=32 * 1024,
-    sram_bytes=2 * 1024,
     eeprom_bytes=1024,
 )
 ATMEGA2560 = Chip(
@@ -125,7 +123,6 @@ ATMEGA2560 = Chip(
     no_encoder=NONE,
     analog=54,
     flash_bytes=256 * 1024,
-    sram_bytes=8 * 1024,
     eeprom_bytes=4 * 1024,
 )
 CHIPS: Dict[str, Chip] = {chip.name: chip for chip in (ATMEGA328P, ATMEGA2560)}

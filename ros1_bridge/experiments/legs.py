@@ -19,7 +19,6 @@ from sim_arduino.experiments.experiment_robot import Setting
 
 NODES = {
     "square": ("one_robot_node", "lap"),
-    "sonar-calibration": ("one_robot_node", "approach"),
     "l-course": ("one_robot_node", "drive"),
     "step-test": ("team_node", "drive_steps"),
     "mixed-team": ("team_node", "wander_team"),

@@ -1,4 +1,4 @@
-"""The node that runs experiments with one emulated robot, driven by `cmd_vel`: the square, the sonar, the L-course."""
+"""The node that runs experiments with one emulated robot, driven by `cmd_vel`: the square, the L-course."""
 
 import math
 import os
@@ -11,21 +11,17 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan, Range
 
-from mrl_driver.apps.calibration import sonar_procedures
 from mrl_driver.apps.calibration.ground_truth import Truth, truth_file
-from mrl_driver.apps.calibration.sonar_procedures import FRESH_S
 from mrl_driver.errors import MrlError
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.navigation.line_follower import Course, FollowerLimits
-from mrl_driver.robot import models, sonar_curve
-from mrl_driver.robot.sonar_curve import Curve
+from mrl_driver.robot import models
 from ros1_bridge.demo.processes import wait_until
 from ros1_bridge.node.cmd_vel import twist_of
 from ros1_bridge.node.plane_poses import planar
-from sim_arduino.experiments import disturbances, l_course, sonar_approach, square
+from sim_arduino.experiments import disturbances, l_course, square
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.l_course import CourseRecord
-from sim_arduino.experiments.sonar_approach import SonarRun
 from sim_arduino.world import world_file
 from sim_arduino.world.world_file import pose_text
 
@@ -39,10 +35,6 @@ MOST_S = 180.0
 LAP = ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0), (0.05, 0.0))
 """A counter-clockwise lap; the last point makes the robot turn to its first heading."""
 LAP_LIMITS = FollowerLimits(square.SPEEDS.linear_m_s, square.SPEEDS.angular_rad_s)
-SONAR_M = sonar_procedures.distances(step_m=0.15)
-"""Fewer stops than in simulated time, because these are in real time."""
-SONAR_LIMITS = FollowerLimits(linear_m_s=0.2)
-READ_S = 1.0  # readings of a stop: the sonar measures every 0.3 s
 LAP_STOP_S, COURSE_STOP_S = 2.0, 1.0  # the robot stands for this time at the end
 _Then = Callable[[Odometry], None]
 TimedPoses = List[Tuple[float, Pose]]
@@ -148,51 +140,6 @@ def lap(parts: Parts, setting: Setting) -> Pose:
     follow(parts, robot, Course(LAP, LAP_LIMITS), LAP_STOP_S)
     end, found = (ruler.end("lap", lambda _: None) for ruler in (truth, by_odometry))
     return Pose(end.x_m - found.x_m, end.y_m - found.y_m, wrap_angle(end.yaw_rad - found.yaw_rad))
-
-
-# -- the sonar in front of a wall
-
-
-def approach(parts: Parts, setting: Setting) -> SonarRun:
-    """Approaches the wall with a robot with drawn errors, and fits the readings at the stops; MrlError as for `lap`, or
-    ConfigError if the sonar missed the wall too often.
-    """
-    ranges, distances = readings(parts, setting)
-    board = {**models.COMMON_BOARD, **models.load(setting.robot).board}
-    curve = Curve(*(board[name] / 1e4 for name in models.CURVE_KEYS))  # by which it converts counts to ranges
-    counts = curve.counts(np.array(ranges)).tolist()
-    hidden = sonar_approach.hidden_curve(setting.seed)
-    return SonarRun(counts, distances, sonar_curve.fit(counts, distances), hidden)
-
-
-def _start_at_wall(parts: Parts, setting: Setting) -> None:
-    """Starts the board, whose sonars have a hidden curve, in front of a wall, and its robot node."""
-    world = parts.folder / "wall.yaml"
-    wall_m, wide_m = sonar_approach.SONAR_X_M + SONAR_M[0], sonar_approach.WIDE_M
-    world.write_text(f"start: [0, 0, 0]\nwalls:\n  - [{wall_m}, {-wide_m}, {wall_m}, {wide_m}]\n")
-    pose = pose_text(disturbances.placed(ORIGIN, setting.seed))
-    place = ("--world", str(world), "--pose", pose, "--seed", str(setting.seed))
-    sonar = sonar_approach.sonar_errors(disturbances.sonar_curve(setting.seed))
-    errors = ("--error", disturbances.error(setting.seed), "--sonar", sonar)
-    parts.robot(ROBOT, setting.robot, RATE_HZ, *place, *errors)
-
-
-def readings(parts: Parts, setting: Setting) -> Tuple[List[float], List[float]]:
-    """Median range of the front sonar [m], NaN for none, and distance by odometry [m], at each stop; see `approach`."""
-    _start_at_wall(parts, setting)
-    robot = wait_for(parts)
-    robot.reset_pose(ORIGIN)
-    found: List[float] = []
-    rospy.Subscriber(f"/{ROBOT}/sonar/front", Range, lambda message: found.append(message.range))
-    ranges, distances = [], []
-    for distance_m in SONAR_M:
-        follow(parts, robot, Course([(SONAR_M[0] - distance_m, 0.0)], SONAR_LIMITS), FRESH_S)
-        found.clear()
-        time.sleep(READ_S)
-        valid = [range_m if np.isfinite(range_m) else np.nan for range_m in found]
-        ranges.append(float(np.median(valid)) if valid else np.nan)
-        distances.append(SONAR_M[0] - robot.pose.x_m)
-    return ranges, distances
 
 
 # -- the L-course

@@ -35,11 +35,8 @@ class SonarRun(NamedTuple):
     hidden: Optional[Curve] = None
 
 
-def run(setting: Setting, live: Optional[SonarRun] = None) -> Result:
-    """Approaches the wall, and fits the curve; `live` is one more approach, through ROS.
-
-    A real robot must start 2 m in front of a wall.
-    """
+def run(setting: Setting) -> Result:
+    """Approaches the wall, and fits the curve; a real robot must start 2 m in front of a wall."""
     title = "Sonar in front of a wall"
     if setting.port is not None:
         found = approach(setting)
@@ -51,8 +48,7 @@ def run(setting: Setting, live: Optional[SonarRun] = None) -> Result:
         "calibrated one. The assumed noise sets R2. The distances begin at 20 cm, the published ones at 5 cm: the "
         "dead zone of the sonar is 15 cm."
     )
-    rows = _rows(runs) + (_live_rows(live) if live else [])
-    return Result("sonar-calibration", title, rows, [_draw(setting, runs[0], runs)], remark)
+    return Result("sonar-calibration", title, _rows(runs), [_draw(setting, runs[0], runs)], remark)
 
 
 def _coefficient_rows(fit: sonar_curve.SonarFit) -> List[Figure]:
@@ -80,17 +76,6 @@ def _rows(runs: Sequence[SonarRun]) -> List[Figure]:
     return [*rows, r2.figure(runs)]
 
 
-def _live_rows(live: SonarRun) -> List[Figure]:
-    """Figures of an approach through ROS; the control is the published curve."""
-    assert live.hidden is not None
-    error, control = (_largest_cm(curve, live.hidden) for curve in (live.fit.curve.on_wire(), THESIS))
-    text = f"one approach through ROS with {len(live.distances)} stops: largest error of a range"
-    return [
-        Figure("ros_error_cm", text, error, "cm", control=control),
-        Figure("ros_r2", "R2, through ROS", round(live.fit.r2, 5), "", f"{THESIS_R2}"),
-    ]
-
-
 def _largest_cm(curve: Curve, hidden: Curve) -> float:
     return float(np.abs(_errors_cm(curve, hidden)).max())
 
@@ -104,13 +89,8 @@ def _errors_cm(curve: Curve, hidden: Optional[Curve]) -> np.ndarray:
 def _calibrated(setting: Setting) -> SonarRun:
     curve = disturbances.sonar_curve(setting.seed)
     found = approach(setting, curve, disturbances.error(setting.seed))
-    return found._replace(hidden=hidden_curve(setting.seed))
-
-
-def hidden_curve(seed: int) -> Curve:
-    """The curve that the sonars of an emulated robot have."""
-    curve = disturbances.sonar_curve(seed)
-    return Curve(THESIS.a * curve["gain"], THESIS.b * curve["exponent"], THESIS.c + 100 * curve["offset"])
+    gain, exponent, offset_m = (curve[key] for key in ("gain", "exponent", "offset"))
+    return found._replace(hidden=Curve(THESIS.a * gain, THESIS.b * exponent, THESIS.c + 100 * offset_m))
 
 
 def sonar_errors(curve: Dict[str, float]) -> str:

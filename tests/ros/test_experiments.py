@@ -16,10 +16,9 @@ from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.waypoint_tour import DONE
 from mrl_driver.robot.sonar import NAMES
-from mrl_driver.robot.sonar_curve import THESIS
 from ros1_bridge.experiments import legs, one_robot_node, team_node
 from ros1_bridge.experiments.legs import Parts, environment
-from sim_arduino.experiments import cli, disturbances, l_course, sonar_approach, square
+from sim_arduino.experiments import cli, l_course, square
 from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.team import Member
@@ -95,16 +94,6 @@ def test_pose_of_a_message_is_between_those_before_and_after_it():
     between, before = one_robot_node.poses_at(poses, [1.25, 0.5])
     assert tuple(between) == pytest.approx((0.25, 1.0, 3.0 + (2 * math.pi - 6.0) / 4))
     assert before == poses[0][1]
-
-
-def test_sonar_that_approaches_a_wall_through_ros_has_its_hidden_curve(parts, monkeypatch):
-    monkeypatch.setattr(one_robot_node, "SONAR_M", [0.6, 0.5])
-    monkeypatch.setattr(one_robot_node, "FRESH_S", 0.4)
-    monkeypatch.setattr(disturbances, "sonar_curve", lambda _: {"gain": 0.7, "exponent": 1.0, "offset": 0.0})
-    ranges, distances = one_robot_node.readings(parts, Setting("", seed=1))
-    counts = sonar_approach.hidden_curve(1).counts(distances)
-    assert distances == pytest.approx([0.6, 0.5], abs=0.01)
-    assert ranges == pytest.approx(THESIS.range_m(counts).tolist(), abs=0.04)
 
 
 def heard_by(master, node):
