@@ -153,8 +153,10 @@ def slow_master(rig):
     master.close()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("name", ["demo_view", "teleop_joystick", "go_to_goal"])
+@pytest.mark.parametrize(
+    "name, number",
+    [("demo_view", signal.SIGINT), ("teleop_joystick", signal.SIGTERM), ("go_to_goal", signal.SIGINT)],
+)
 def test_signal_while_a_node_waits_for_the_master_ends_it(rig, slow_master, name, number):
     node = rig.program(name)
     assert slow_master.called.wait(PATIENCE_S)
