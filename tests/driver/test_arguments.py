@@ -217,13 +217,22 @@ def test_a_recording_names_a_function_that_is_none(recorded, call, name, values)
             call(recorded, value)
 
 
-@pytest.mark.parametrize("speeds", [None, (), (0.1,), 0.1, "ab", (0.1, math.nan), (0.1, None)], ids=repr)
-def test_a_restriction_that_returns_no_speeds_stops_the_robot_but_not_the_driver(robot, speeds):
+@pytest.mark.parametrize(
+    "speeds, words",
+    [
+        *((speeds, "") for speeds in (None, (), (0.1,), 0.1)),
+        ("ab", "^linear of the "),
+        ((0.1, math.nan), "^angular of the "),
+        ((0.1, None), "^angular of the "),
+    ],
+    ids=repr,
+)
+def test_a_restriction_that_returns_no_speeds_stops_the_robot_but_not_the_driver(robot, speeds, words):
     assert robot.drive(0.1, 0.0)
     robot.restrict(lambda wanted, now: speeds)
     robot.wait(2 * STEP_S)
     assert (robot.command, robot.stop_reason, robot.error) == (None, "not_a_number", None)
-    with pytest.raises(MrlError, match="speed that restrict allows .*the robot was stopped"):
+    with pytest.raises(MrlError, match=f"{words}speed that restrict allows .*the robot was stopped"):
         robot.drive(0.1, 0.0)
 
 

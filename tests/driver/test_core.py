@@ -10,7 +10,7 @@ from mrl_driver.errors import FrameError, MrlError
 from mrl_driver.protocol import encode_reply
 from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import BY_NAME
-from mrl_driver.robot.hold import Hold
+from mrl_driver.robot.hold import READ_RADIO, Hold
 from mrl_driver.robot.radio import text_request
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.speed_limiter import reduced
@@ -50,7 +50,9 @@ def stands(robot, reason):
     return robot.motion.target is None and robot.motion.stop_reason == reason
 
 
-@pytest.mark.parametrize("speeds", [(math.nan, 0.1, 0.0), (math.inf, -math.inf, 0.0), (0.1, 0.1, math.inf)])
+@pytest.mark.parametrize(
+    "speeds", [(math.nan, 0.1, 0.0), (math.inf, -math.inf, 0.0), (0.1, 0.1, math.inf), (True, False, True)]
+)
 def test_a_speed_that_is_not_finite_is_refused_and_stops_the_robot(robot, speeds):
     robot.drive(0.2)
     with pytest.raises(FrameError, match="_s is .*, expected a finite number; the robot was stopped$"):
@@ -102,6 +104,12 @@ def test_a_held_robot_takes_no_command_even_of_zero(robot, speed):
     robot.core.hold, robot.core.held = HELD, True
     assert not robot.drive(speed)
     assert robot.motion.target is None
+
+
+def test_a_command_goes_on_when_the_radio_says_that_nothing_holds_the_robot(robot):
+    robot.drive(0.2)
+    robot.core.turn(encode_reply(READ_RADIO, 1, 0, 0, 0, 0, 0, 0, 0, checked=True), robot.now)
+    assert robot.core.hold == Hold("free", 0, 0, 0, 0) and robot.motion.target == (200, 0)
 
 
 def test_a_request_that_turns_motors_is_refused_to_a_held_robot(robot):

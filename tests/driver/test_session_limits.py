@@ -438,6 +438,7 @@ def test_without_a_stream_no_telemetry_is_expected():
     [
         ({"code": SENSING}, {b"@19", b"@26", b"@32"}),
         ({}, {b"@19", b"@32"}),
+        ({"checked": False}, {b"@19", b"@32"}),
         ({"capabilities": OURS | {"imu"}}, {b"@19", b"@32", b"@48"}),
         ({"capabilities": (), "checked": False, "protocol": 1}, {b"@65555e"}),
     ],

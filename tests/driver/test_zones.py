@@ -190,6 +190,12 @@ def test_a_laser_limits_the_ways_that_it_sees(range_m, span_deg, ahead_m_s, back
     assert (zones.limit(0.3, 0.0), zones.limit(-0.3, 0.0)) == (ahead_m_s, back_m_s)
 
 
+def test_a_laser_that_nobody_has_announced_counts_from_its_first_scan_on():
+    zones = zones_of(sonars={})
+    assert zones.limit(0.3, 0.0) == SLOW
+    assert saw(zones, 0.1).limit(0.3, 0.0) == 0
+
+
 @pytest.mark.parametrize("odd", [{"near_m": 0.0}, {"ranges": [2.0] * MOST_RAYS}])
 def test_a_scan_at_the_limits_of_a_meaning_is_used(odd):
     assert with_laser().on_scan(scan(2.0)._replace(**odd), 0.0) == ""
