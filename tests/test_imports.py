@@ -27,7 +27,8 @@ def imported(path: pathlib.Path) -> Set[str]:
 
 
 def importers(package: str) -> Set[pathlib.Path]:
-    return {path for path in FILES if package in imported(path)}
+    named = [path for path in FILES if package in path.read_text(encoding="utf-8")]
+    return {path for path in named if package in imported(path)}
 
 
 def test_only_nodes_import_rospy():

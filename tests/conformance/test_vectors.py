@@ -6,8 +6,6 @@
 import contextlib
 from collections import Counter
 
-import pytest
-
 from mrl_driver.protocol import Frame, Garbage, encode_request
 from mrl_driver.protocol.table import BY_NAME
 from sim_arduino.serve.factory import Options
@@ -49,12 +47,14 @@ def test_a_motor_command_is_noticed(bench):
     assert bench.is_driven()
 
 
-@pytest.mark.parametrize("rest", [b"", b"@30e"], ids=["alone", "with another behind it"])
-def test_a_fault_of_a_greeting_turns_no_motor(bench, engine, motors, rest):
-    """The image, which is made of the PC build's sources, has some of the faults of each kind."""
+def test_a_fault_of_a_greeting_turns_no_motor(bench, engine, motors):
+    """Alone, and with others behind it.
+
+    The image, which is made of the PC build's sources, has some of the faults of each kind.
+    """
     every = SOME if engine == "avr" and not EXPLORE else 1
     for wire in sent(Options(robot=ROBOTS[motors])).greeting:
         for fault in list(faults(wire))[::every]:
-            bench.send(fault.wire + rest, SETTLED_S)
-            assert not bench.is_driven(), fault
-            bench.send(AS_BEFORE, SETTLED_S)
+            for sent_next in (fault.wire, AS_BEFORE):
+                bench.send(sent_next, SETTLED_S)
+                assert not bench.is_driven(), fault

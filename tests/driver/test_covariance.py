@@ -392,7 +392,6 @@ class Drawn:
         ("traxbot", False, None),
         ("traxbot", False, 0.1),
         ("traxbot", True, 0.1),
-        ("stingbot", False, None),
         ("stingbot", True, None),
     ],
 )

@@ -71,24 +71,21 @@ def left_checked():
     return board
 
 
+def decoded(data):
+    """What a session gets: the frames without and with check values, and whether a frame has begun."""
+    decoders = [FrameDecoder(REPLIES, checked) for checked in (False, True)]
+    frames = [event for each in decoders for event in each.feed(data) if isinstance(event, Frame)]
+    return (*frames, *(each.pending.startswith(b"@") for each in decoders))
+
+
 @functools.lru_cache(maxsize=None)
 def single_faults(reply):
-    """Each byte lost, and changed to each other one; of those that no decoder takes for a frame, one for each
-    place, because they are the same to a session."""
+    """Each byte lost, and changed to each other one; of those of a place that are the same to a session, one."""
     found = []
     for i in range(len(reply)):
-        found.append(reply[:i] + reply[i + 1 :])
-        useless = True
-        for byte in range(256):
-            damaged = reply[:i] + bytes([byte]) + reply[i + 1 :]
-            frame = byte != reply[i] and any(
-                isinstance(event, Frame)
-                for checked in (False, True)
-                for event in FrameDecoder(REPLIES, checked).feed(damaged)
-            )
-            if frame or (useless and byte not in reply):
-                useless = useless and frame
-                found.append(damaged)
+        others = [bytes([byte]) for byte in range(256) if byte != reply[i]]
+        damaged = [reply[:i] + other + reply[i + 1 :] for other in (b"", *others)]
+        found += {decoded(each): each for each in damaged}.values()
     return found
 
 

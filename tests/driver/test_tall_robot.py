@@ -44,11 +44,11 @@ def way_m(name, turn_rad_s, braked_s, then):
                 robot.wait(FRAME_S)
                 way += math.dist(plant.true_pose[:2], before[:2])
 
-        drive(3.0, SPEED_M_S, turn_rad_s)
+        drive(2.0, SPEED_M_S, turn_rad_s)
         drive(braked_s, 0.0, 0.0)
         way = 0.0
         then(robot)
-        drive(3.0, 0.0, 0.0)
+        drive(2.0, 0.0, 0.0)
     return way
 
 

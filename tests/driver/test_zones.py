@@ -349,7 +349,7 @@ def course(tmp_path, walls, planner, seconds, robot="traxbot"):
 
 
 def test_a_robot_that_drives_at_a_wall_stops_before_it(tmp_path):
-    xs, _, _ = course(tmp_path, "[[1.5, -2, 1.5, 2]]", lambda _: (0.3, 0.0), 15.0)
+    xs, _, _ = course(tmp_path, "[[1.5, -2, 1.5, 2]]", lambda _: (0.3, 0.0), 10.0)
     room_m = 1.5 - FRONT_M - max(xs)
     assert ZONES.protective_m <= room_m < ZONES.protective_m + 0.06
     assert max(xs) - xs[-20] < 0.01
@@ -361,7 +361,7 @@ def test_a_sharp_alone_stops_a_robot_before_a_wall(tmp_path, kind):
     pins = {**wirings.load("mrl_duo").pins, "pin_sonar_front": -1, "pin_range_1_echo": 14}
     path, sonars = tmp_path / "rover.yaml", {"front": ("range_1", kind)}
     path.write_text(kit.text_of(kit.Kit("rover", 11, 65.0, 150.0, 1496.0, "tb6612", pins, sonars=sonars)))
-    xs, _, _ = course(tmp_path, "[[1.5, -2, 1.5, 2]]", lambda _: (0.4, 0.0), 20.0, str(path))
+    xs, _, _ = course(tmp_path, "[[1.5, -2, 1.5, 2]]", lambda _: (0.4, 0.0), 13.0, str(path))
     room_m = 1.5 - models.load(str(path)).body.length_m / 2 - max(xs)
     assert ZONES.protective_m <= room_m < ZONES.protective_m + 0.06
 
@@ -375,7 +375,7 @@ def test_a_robot_passes_a_door_that_is_just_wide_enough_slowly(tmp_path):
 
 def test_three_wheels_stop_before_a_wall_beside_them(tmp_path):
     """Its sonars look 45 deg aside; what they see of the wall is nearer than the wall is."""
-    _, ys, _ = course(tmp_path, "[[-2, 1, 2, 1]]", lambda _: (0.0, 0.0, 0.3), 20.0, "omni")
+    _, ys, _ = course(tmp_path, "[[-2, 1, 2, 1]]", lambda _: (0.0, 0.0, 0.3), 10.0, "omni")
     room_m = 1.0 - models.load("omni").body.width_m / 2 - max(ys)
     assert ZONES.protective_m <= room_m < 0.5
     assert max(ys) - ys[-20] < 0.01 and max(ys) > 0.2

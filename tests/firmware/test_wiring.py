@@ -8,11 +8,12 @@ import pytest
 from mrl_driver.protocol.table import BRIDGES
 from mrl_driver.robot import wiring
 from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560
+from tests.conftest import EXPLORE
 from tests.firmware.pc_board import BRIDGE, MEGA, load
 from tests.wirings import random_wiring, rows
 
-TRIALS = 20_000
-SEED = 20261129
+TRIALS = 60_000 if EXPLORE else 6000
+SEED = int(EXPLORE or 20261129)
 
 
 LIBRARIES = {ATMEGA328P: BRIDGE, ATMEGA2560: MEGA}

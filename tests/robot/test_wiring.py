@@ -113,18 +113,20 @@ def test_problems_and_their_pins(chip, bridge, pins, problem):
 
 
 def test_every_problem_can_happen():
-    chance, seen = random.Random(1), set()
-    for _ in range(20000):
+    chance, unseen = random.Random(1), {name for name, _ in WIRING_PROBLEMS}
+    for _ in range(5000):
         chip = chance.choice((UNO, MEGA))
         pins, bridge = random_wiring(chance, chip)
-        seen.add(check(pins, bridge, chip).name)
-    assert {name for name, _ in WIRING_PROBLEMS} == seen
+        unseen.discard(check(pins, bridge, chip).name)
+        if not unseen:
+            break
+    assert not unseen
 
 
 @pytest.mark.parametrize("chip", CHIPS.values(), ids=CHIPS)
 def test_a_sound_wiring_gives_each_function_a_pin_that_can_do_it(chip):
     chance = random.Random(2)
-    for _ in range(5000):
+    for _ in range(2000):
         pins, bridge = random_wiring(chance, chip)
         if bridge == "unset" or check(pins, bridge, chip) != wiring.SOUND:
             continue
