@@ -59,9 +59,9 @@ def error(seed: int, name: str = "", **given: float) -> str:
     return option(**{**drawn, **given})
 
 
-def sonar_curve(seed: int, name: str = "") -> Dict[str, float]:
+def sonar_curve(seed: int) -> Dict[str, float]:
     """The curve of a robot's sonars, as keys of `factory.Options.sonar` and their values."""
-    rng = _random("sonars", seed, name)
+    rng = _random("sonars", seed, "")
     return {
         "gain": rng.gauss(1.0, CURVE_GAIN_SD),
         "exponent": rng.gauss(1.0, CURVE_EXPONENT_SD),
