@@ -18,7 +18,10 @@ Cell = Tuple[int, int]
 
 
 class Variable(NamedTuple):
-    """A variable that is mapped; its value is the largest field of its sensor."""
+    """A variable that is mapped; its value is the mean of its sensor's fields.
+
+    A lamp heats one pixel of the thermopile from afar, and the more of them the closer it is.
+    """
 
     title: str
     sensor: str  # name in the command table
@@ -34,8 +37,8 @@ class Variable(NamedTuple):
 
     def value(self, fields: Sequence[float]) -> float:
         """Return the value of a reading; raise ValueError if the sensor cannot have measured it."""
-        value = max(fields, default=math.nan)
-        if not self.low <= value <= self.high or any(map(math.isnan, fields)):
+        value = sum(fields) / len(fields) if fields else math.nan
+        if not self.low <= value <= self.high:
             got = ", ".join(f"{each:g}" for each in fields) or "nothing"
             raise ValueError(
                 f"got {got}, expected {self.low:g} to {self.high:g} {self.unit}; connect or calibrate the sensor "

@@ -219,7 +219,7 @@ def cells(index: int, drive: Drive) -> Cells:
     """The cells of a variable, as the ROS node `environment_map` draws them: each reading is where the robot is."""
     made = Cells()
     for sample in drive.samples:
-        made.put(sample.pose.x_m, sample.pose.y_m, max(sample.values[index]))
+        made.put(sample.pose.x_m, sample.pose.y_m, VARIABLES[index].value(sample.values[index]))
     return made
 
 

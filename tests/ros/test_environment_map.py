@@ -64,7 +64,7 @@ def test_readings_are_cells_where_the_robot_is_and_bad_ones_are_lines(rig):
     )
     assert survey.cells("alcohol notice") == []
     survey.until(lambda: (1.05, 0.15) in survey.cells("dust notice"), 1.0, 0.2, survey.dust, Float32(3000.0))
-    hot = Float32MultiArray(data=[22.0] * 7 + [41.0])
+    hot = Float32MultiArray(data=[41.0] * 8)
     survey.until(lambda: (1.85, -0.15) in survey.cells("heat alert"), 2.0, -0.2, survey.heat, hot)
     bad = (
         (
