@@ -316,6 +316,15 @@ def test_umbmark_tells_unequal_wheels_from_a_wrong_wheelbase(share, tracks):
     assert outcome.after == pytest.approx(true, abs=1e-5)
 
 
+def test_umbmark_says_how_far_the_mean_end_of_the_worse_direction_is_off():
+    runs = [
+        Trial(lap.steps, lap.end._replace(x_m=lap.end.x_m + off_m))
+        for lap, off_m in zip(laps(BELIEVED), (0.001, 0.003, 0.0, -0.001))
+    ]
+    plan = geometry_procedures.CalibrationPlan(geometry_procedures.UMBMARK, {}, [], (), ())
+    assert "E_max,syst: 2.0 mm before, " in plan.evaluate(runs, TRAXBOT, "").lines[-1]
+
+
 def test_an_end_measured_wrong_is_named_with_what_drives_it_again():
     runs = laps(BELIEVED._replace(turn_slip=0.05), 3)
     runs[4] = Trial(runs[4].steps, runs[4].end._replace(x_m=runs[4].end.x_m + 0.3))

@@ -215,8 +215,12 @@ class CalibrationPlan(NamedTuple):
     def evaluate(self, runs: List[Trial], model: RobotModel, output: str, **options: Any) -> Result:
         """Evaluate the runs, with the `options` of `evaluate`."""
         outcome = evaluate(self.procedure, runs, model, **options)
-        draw = partial(_draw, outcome, [sense(outcome.after, each) for each in runs])
+        senses = [sense(outcome.after, each) for each in runs]
+        draw = partial(_draw, outcome, senses)
         values, lines = values_for(model, outcome), _lines(outcome)
+        if self.procedure == UMBMARK:
+            before, after = (_e_max_m(each, senses) for each in (outcome.errors_before, outcome.errors_after))
+            lines.append(f"UMBmark's E_max,syst: {before * 1000:.1f} mm before, {after * 1000:.1f} mm after")
         return Result(self.procedure, model, output, values, lines, _facts(outcome), draw)
 
 
@@ -380,6 +384,11 @@ def _lines(outcome: Outcome) -> List[str]:
         before, after = (1 / drive.metres_per_count for drive in (outcome.before, outcome.after))
         lines.append(f"counts per metre: {before:.1f} before, {after:.1f} after")
     return lines
+
+
+def _e_max_m(found: np.ndarray, senses: Sequence[str]) -> float:
+    """The paper's measure of accuracy: how far the mean end of either direction is from the true one, at most [m]."""
+    return max(math.hypot(*found[np.array(senses) == each, :2].mean(axis=0)) for each in (LEFT, RIGHT))
 
 
 def _facts(outcome: Outcome) -> Dict[str, Any]:
