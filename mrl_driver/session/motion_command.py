@@ -69,8 +69,8 @@ class Motion:
         self._expires_s = math.inf
         self._sent_s = self._free_s = -math.inf
         self._fade: Optional[Tuple[float, float, Speeds]] = None
-        self._still_since_s: Optional[float] = None
-        self._still = 0
+        self._still_since_s: Optional[float] = None  # the first still reading; None before it
+        self._still: int  # readings after it
 
     def drive(self, speeds: Speeds, now: float, moves: Optional[bool] = None) -> None:
         """Set the command in force.  Its time begins now.
@@ -116,7 +116,7 @@ class Motion:
         self.target = speeds
         if any(speeds):
             self._turning, self.settling = True, False
-            self._still_since_s, self._still = None, 0
+            self._still_since_s = None
         else:
             self.settling = self._turning or self.stopping
 
@@ -126,7 +126,7 @@ class Motion:
         self.stops += self.target is not None
         self.target = self.sent = self._fade = self._still_since_s = None
         self.stopping = self.settling = self._new = True
-        self._still, self.due_s = 0, -math.inf
+        self.due_s = -math.inf
 
     def make_sure(self) -> None:
         """Stop the robot again if no command is in force, until `observe` confirms it.  The stop reason stays."""

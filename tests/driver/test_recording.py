@@ -214,9 +214,9 @@ def test_a_pipe_that_nobody_reads_is_refused(tmp_path):
         Recorder(pipe)
 
 
-def test_a_torn_last_line_is_skipped(tmp_path):
-    recording, entries = read(tmp_path, HEADER + "0.1 < @6,1,2e\n0.2 < @6,1")
-    assert (len(entries), recording.skipped) == (1, {3: "incomplete"})
+def test_a_torn_last_line_is_skipped_and_a_blank_one_is_passed_over(tmp_path):
+    recording, entries = read(tmp_path, HEADER + "0.1 < @6,1,2e\n\n0.15 < @6,1,3e\n0.2 < @6,1")
+    assert (len(entries), recording.skipped) == (2, {5: "incomplete"})
 
 
 @pytest.mark.parametrize(

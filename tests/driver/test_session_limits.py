@@ -557,6 +557,12 @@ def test_two_plain_frames_at_the_start_are_not_believed_and_three_are():
     assert not fed.session.checked and fed.motion.stop_reason == "restarted"
 
 
+def test_one_frame_with_a_checksum_is_believed():
+    fed = Fed(checked=False)
+    fed.at(0.01, encode_reply(8, 1, 2, 120, 45, 645, stamp=Stamp(1, 0), checked=True))
+    assert fed.session.checked
+
+
 @pytest.mark.parametrize(
     ("lost_s", "data"),
     [(None, encode_reply(5, 2500, 172, 1200, 2, 1)), (0.01, encode_reply(8, 1, 2, 120, 45, 645))],
