@@ -146,7 +146,7 @@ VERDICT = [ -z "$$failed" ] || { echo "$@ failed:$${failed\#,}" >&2; exit 1; }; 
 test: apt ## Set up what is missing, then run checks and tests, but for those of `make test-rest`
 	@$(MAKE) --no-print-directory -j3 -Otarget NEEDED= $(VENV)/.tested firmware comparison $(PC_LIBRARIES)
 	@failed=; $(call RUN,$(MAKE) --no-print-directory check,checks); \
-	$(call RUN,$(PYTEST) --tier test -m 'not realtime' -n 5 --dist loadfile,tests); \
+	$(call RUN,$(PYTEST) --tier test -m 'not realtime' -n 4 --dist loadfile,tests); \
 	$(call RUN,$(PYTEST) --tier test -m realtime -n 0 tests/web,tests in real time); \
 	$(VERDICT)
 

@@ -78,7 +78,8 @@ class MotorControl(Motors):
     def counts(self, now_s: float) -> Optional[Counts]:
         if not self.there(now_s):
             return None
-        right, left, rear = (self.driver.encoder(number, now_s) for number in (3, 1, 2))
+        self.driver.touch(now_s)
+        left, rear, right = self.driver.counts()
         return Counts(right, left, rear)
 
     def info(self, now_s: float) -> Tuple[int, int, int]:
