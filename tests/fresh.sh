@@ -166,8 +166,8 @@ commands() { # NAME LOG
     name=${line%%$'\n'*}
     timed "$1: ${name#: }" "$2-$command.log" do_in "$line" || code=1
     [ ! -e "$2-$command-$ARCH.sizes" ] || venv_size "$command" >>"$2-$command-$ARCH.sizes" || true
-    [ $command != wheel ] || grep -E '^[^ ]+, Python|^pip install' "$2-wheel.log" >"$2-wheel-$ARCH.sizes" || true
-    grep -hE '^(SKIPPED|[0-9]+ upgraded|Need to get|After this|ran |pip install|mrl (web|flash)|[^ ]+, Python)| passed' "$2-$command.log" | awk '!seen[$0]++ { print "    " $0 }'
+    [ $command != wheel ] || grep -E ', Python 3|^pip install' "$2-wheel.log" >"$2-wheel-$ARCH.sizes" || true
+    grep -hE '^(SKIPPED|[0-9]+ upgraded|Need to get|After this|ran |pip install|mrl (web|flash)|.+, Python 3)| passed' "$2-$command.log" | awk '!seen[$0]++ { print "    " $0 }'
   done
   timed "$1: packages' files" "$2-dpkg.log" unchanged || code=1
   timed "$1: processes left" "$2-processes.log" nothing_runs || code=1

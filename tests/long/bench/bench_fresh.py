@@ -25,7 +25,7 @@ def figures() -> Dict[str, Measured]:
 
 def times(said: str) -> Iterator[Tuple[str, float]]:
     """The figures from what `tests.packaging.first_motion` prints of a clone and of a wheel."""
-    pattern = r"^(\S+), Python.*\n.*\(CPU ([\d.]+) s\); first motion after ([\d.]+) s"
+    pattern = r"^(.+), Python 3.*\n.*\(CPU ([\d.]+) s\); first motion after ([\d.]+) s"
     for source, pip_s, moved_s in re.findall(pattern, said, re.M):
         kind = "wheel" if source.endswith(".whl") else "clone"
         yield f"{kind}_pip_cpu_s", float(pip_s)

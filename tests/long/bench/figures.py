@@ -242,9 +242,8 @@ def rendered(name: str) -> str:
         sorted({each[fact] for each in figures if each.get(fact)}) for fact in ("date", "compiler", "cpu")
     ]
     dates = " to ".join(dict.fromkeys((facts[0][0], facts[0][-1]))) if facts[0] else ""
-    return "\n".join(
-        [*_markdown(marked), "", f"Measured: {'; '.join(filter(None, (dates, *map(', '.join, facts[1:]))))}."]
-    )
+    measured = "; ".join(filter(None, (dates, *map(", ".join, facts[1:])))) or "not yet"
+    return "\n".join([*_markdown(marked), "", f"Measured: {measured}."])
 
 
 def _boards(folder: Path, section: str = "") -> Iterator[List[str]]:
