@@ -79,10 +79,13 @@ PHRASES = {
 """Regular expressions of whole words, and the words to use instead."""
 
 
+ANY = re.compile("|".join(rf"\b{phrase}\b" for phrase in PHRASES), re.IGNORECASE)
+
+
 def findings(text: str) -> Iterator[str]:
     """One line for each phrase of a text: the phrase in its context, and the words to use instead."""
     line = " ".join(text.split())
-    for phrase, instead in PHRASES.items():
+    for phrase, instead in PHRASES.items() if ANY.search(line) else ():
         for match in re.finditer(rf"\b{phrase}\b", line, re.IGNORECASE):
             context = line[max(0, match.start() - 30) : match.end() + 30]
             yield f"'{match[0]}' in '...{context}...', expected: {instead}"

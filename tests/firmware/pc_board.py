@@ -139,7 +139,7 @@ class PcBoard:
 
     def advance(self, to_s: float) -> bytes:
         """Runs to `to_s` [s]; the bytes that left the board until then."""
-        if getattr(self.plant, "bridge", None) is None:
+        if self._library == VIRTUAL or getattr(self.plant, "bridge", None) is None:
             self._advance_slice(to_s)
         else:
             self._advance_with_encoders(to_s)
