@@ -251,7 +251,7 @@ def disc_kit(folder, bridge, rpm, no_encoders=False):
     return str(path), (*FACTS[:4], *counts, "--bridge", bridge, *words, *NO_FLASH)
 
 
-@pytest.mark.parametrize("rpm", [100, 200])
+@pytest.mark.parametrize("rpm", [100, 200] if EXPLORE else [100])
 def test_wheels_with_slotted_discs_close_a_square(rpm, workshop_of, tmp_path):
     """At the slowest speeds of a corner a wheel has no count for a third of a second, and is not taken for dead."""
     path, facts = disc_kit(tmp_path, "tb6612", rpm)

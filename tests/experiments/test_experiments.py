@@ -62,7 +62,7 @@ def test_squares_close_after_calibration(tmp_path):
 
 
 def test_hidden_sonar_curves_are_found(tmp_path):
-    figures = rows(sonar_approach, tmp_path, seeds=2)
+    figures = rows(sonar_approach, tmp_path)
     error = figures["error_cm"]
     assert error.worst < RANGE_CM < 0.5 * error.control and figures["r2"].worst >= 0.999
 
