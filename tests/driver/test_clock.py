@@ -148,6 +148,14 @@ def test_the_delay_is_that_of_the_newest_command(sent, echoed, now_s, delay_s):
     assert delay_text(delay.delay_s(now_s)) == "unknown"
 
 
+def test_no_more_than_a_thousand_commands_wait_for_their_echo():
+    delay = EchoDelay()
+    for stamp_s in range(1001):
+        delay.sent(stamp_s)
+    delay.echoed(999, 999.5)
+    assert delay.delay_s(2000.0) == 0.5
+
+
 def test_above_the_limit_nothing_drives_until_the_key_is_released():
     guard = DelayGuard(LIMIT_S, "--max-delay")
     assert guard.may_drive(True, 0.1)

@@ -68,8 +68,8 @@ def test_a_speed_to_the_side_stops_a_robot_that_cannot_move_so(robot):
 
 
 def test_speeds_are_sent_in_millimetres_and_milliradians_a_second(robot):
-    assert robot.core.drive(0.1234, -0.4567, robot.now)
-    assert robot.motion.target == (123, -457)
+    assert robot.core.drive(0.1234, -0.9994, robot.now)
+    assert robot.motion.target == (123, -999)
 
 
 def test_speeds_after_limiting_keep_the_arc(robot):

@@ -3,7 +3,7 @@ import math
 import pytest
 
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.session.motion_command import MOVE, QUICK, SLOW, STILL_FRAMES, STILL_S, STOP, Motion
+from mrl_driver.session.motion_command import MOVE, QUICK, SLOW, SLOWEST, STILL_FRAMES, STILL_S, STOP, Motion
 
 
 def drain(motion, start_s, end_s):
@@ -305,6 +305,14 @@ def test_only_boards_that_lose_commands_wait_for_one_that_follows_a_repeat(pace,
     assert drain(motion, pace.repeat_s, pace.repeat_s + 0.2)[0] == (
         pytest.approx(pace.repeat_s + waits_s), (MOVE, 100, 0)
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("pace, stop_s", [(QUICK, 0.05), (SLOW, 0.15), (SLOWEST, 0.15)])
+def test_boards_that_lose_commands_get_an_unconfirmed_stop_less_often(pace, stop_s):
+    motion = Motion(pace)
+    motion.stop()
+    motion.take(0.0)
+    assert drain(motion, 0.0, 0.2)[0] == (pytest.approx(stop_s), (STOP,))
 
 
 SET_SPEEDS = [lambda motion, *to: motion.drive(*to), lambda motion, to, _: motion.adjust(to)]

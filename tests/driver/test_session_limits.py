@@ -564,16 +564,27 @@ def test_one_frame_with_a_checksum_is_believed():
 
 
 @pytest.mark.parametrize(
-    ("lost_s", "data"),
-    [(None, encode_reply(5, 2500, 172, 1200, 2, 1)), (0.01, encode_reply(8, 1, 2, 120, 45, 645))],
-    ids=["who it is, ready", "telemetry, greeted again"],
+    ("lost_s", "data", "counted"),
+    [
+        (None, encode_reply(5, 2500, 172, 1200, 2, 1), ({"bad_check": 1}, 0)),
+        (0.01, encode_reply(8, 1, 2, 120, 45, 645), ({"bad_check": 1}, 0)),
+        (0.01, encode_reply(5, 2500, 172, 1200, 2, 1), ({}, 1)),
+    ],
+    ids=["who it is, ready", "telemetry, greeted again", "who it is, greeted again"],
 )
-def test_a_plain_frame_of_a_board_with_checksums_is_garbage(lost_s, data):
+def test_a_plain_frame_of_a_board_with_checksums_is_garbage_unless_it_answers_a_greeting(
+    lost_s, data, counted
+):
     fed = Fed()
     if lost_s is not None:
         fed.session.lose(lost_s)
     fed.at(0.02, data)
-    assert (fed.session.counters.garbage, fed.session.counters.frames) == ({"bad_check": 1}, 0)
+    assert (fed.session.counters.garbage, fed.session.counters.frames) == counted
+
+
+@pytest.mark.parametrize("watchdog_ms, repeat_s", [(250, 0.1), (100, 0.04), (0, 0.1)])
+def test_a_command_is_repeated_in_two_fifths_of_the_watchdogs_time(watchdog_ms, repeat_s):
+    assert Fed(plan=Plan(watchdog_ms=watchdog_ms)).motion.pace.repeat_s == pytest.approx(repeat_s)
 
 
 def with_imu(**options):
