@@ -4,11 +4,13 @@ import contextlib
 import json
 import math
 import os
+import pathlib
 import sys
 
 import click
 import numpy as np
 import pytest
+import yaml
 
 from mrl_driver.apps.calibration import gain_procedures, ground_truth, manoeuvres
 from mrl_driver.apps.calibration.commands import calibrate_job
@@ -78,6 +80,18 @@ def lab(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(calibrate_job, "connect", made.connect)
     monkeypatch.setattr(ground_truth, "truth_file", lambda path: made.pose)
     return made
+
+
+def test_a_calibration_goes_on_from_the_file_that_lists_the_boards_id_whatever_name_is_in_it(lab, tmp_path):
+    """A copy of a packaged file, of which only some numbers were changed."""
+    file = yaml.safe_load(pathlib.Path(models.path_of("traxbot")).read_text())
+    file["body"]["mass_kg"] = 3.21
+    own = pathlib.Path(models.own_folder()) / "lab7.yaml"
+    own.parent.mkdir(parents=True)
+    own.write_text(yaml.safe_dump(file))
+    code, _, lines = lab.mrl("straight", "--count", 2, "--distance", 0.5, "--truth", "t", "--yes")
+    assert code == 0, lines
+    assert models.load("traxbot-1.yaml").body.mass_kg == 3.21
 
 
 def swap_encoders(board):

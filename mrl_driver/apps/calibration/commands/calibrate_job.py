@@ -141,7 +141,10 @@ class Job(NamedTuple):
 
     def file_of(self, model: RobotModel) -> str:
         """Return the robot's file, or that of its model."""
-        return models.path_of(self.target.model if self.target.model != "auto" else model.name)
+        name = self.target.model
+        if name == "auto":  # chosen by the board's id; the name in a file need not be the file's
+            name = next(each for each in map(models.by_id, model.ids) if models.load(each).name == model.name)
+        return models.path_of(name)
 
     def offer_eeprom(self, driver: Driver, result: Result) -> None:
         """Write the board parameters to its EEPROM, if --eeprom was given or the user agrees."""
