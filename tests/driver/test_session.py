@@ -90,12 +90,19 @@ def test_a_board_that_streams_too_slowly_is_a_timeout():
         Talk(plan=Plan(period_ms=300), greeting_s=3.0).run(10)
 
 
-def test_a_board_without_an_answer_while_this_program_was_late_is_not_blamed():
+@pytest.mark.parametrize(
+    "late_s, error, words",
+    [
+        (0.6, HostBusy, "computer was too busy.* did not answer in time; close busy programs"),
+        (0.4, BoardTimeout, "has answered, but no telemetry follows"),
+    ],
+)
+def test_a_board_without_an_answer_while_this_program_was_late_is_not_blamed(late_s, error, words):
     talk = Talk()
     talk.until(lambda: talk.session.board is not None)
     talk.board.mute = True
-    talk.now += 0.6
-    with pytest.raises(HostBusy, match="computer was too busy.* did not answer in time; close busy programs"):
+    talk.now += late_s
+    with pytest.raises(error, match=words):
         talk.run(10.0)
 
 
