@@ -1,6 +1,6 @@
 # The long runs.  With FAST=1 each is in its shortest form, in which `make smoke` runs them all; with KEEP=1 a full run
 # writes its figures to docs/figures.
-MINUTES ?= $(if $(FAST),0.03,10)
+MINUTES ?= $(if $(FAST),0.02,10)
 BENCHES := firmware host sim radio hold ros relay fleet calibration web
 
 .PHONY: smoke figures experiments fuzz fuzz-readers reactions soak verify frames mutants review-holdout test-fresh \
@@ -29,19 +29,19 @@ experiments: setup firmware comparison ## Measure the papers' experiments in sim
 	$(PY) -m tests.long.bench experiments
 
 fuzz-readers: setup pc-firmware ## Change the inputs of each reader at random for SECONDS=n, from SEED=n
-	$(PY) -m tests.long.fuzz.inputs --seconds $(or $(SECONDS),$(if $(FAST),0.1,60)) --seed $(or $(SEED),1)
+	$(PY) -m tests.long.fuzz.inputs --seconds $(or $(SECONDS),$(if $(FAST),0.03,60)) --seed $(or $(SEED),1)
 
 fuzz: fuzz-readers ## The same, then damage frames and feed the decoders random bytes for MINUTES=n each; build/bench/reliability.json
 	$(PY) -m tests.long.fuzz --minutes $(MINUTES)
 	$(PY) -m tests.long.fuzz.greetings
 	cd $(PC_BUILD) && for fuzzer in ./fuzz_firmware ./fuzz_firmware_hbridge; do \
-	  $$fuzzer -max_total_time=$(if $(FAST),1,$$(( $(MINUTES) * 60 ))) -print_final_stats=1 || exit 1; done
+	  $$fuzzer $(if $(FAST),-runs=1000,-max_total_time=$$(( $(MINUTES) * 60 ))) -print_final_stats=1 || exit 1; done
 
 reactions: setup firmware ## Kill, unplug, stop and close repeatedly, then keep driving for MINUTES=n; build/bench/reliability.json
 	$(PY) -m tests.long.fuzz.reactions --minutes $(MINUTES)
 
-SOAK_FAULTS ?= $(if $(FAST),32,10000)
-SOAK_MINUTES ?= $(if $(FAST),0.25,60)
+SOAK_FAULTS ?= $(if $(FAST),6,10000)
+SOAK_MINUTES ?= $(if $(FAST),0.1,60)
 soak: setup firmware ## Strike with SOAK_FAULTS=n faults in simulated time, then for SOAK_MINUTES=n in real time; build/bench/soak.json
 	$(PY) -m tests.long.soak simulated --faults $(SOAK_FAULTS)
 	$(PY) -m tests.long.soak real --minutes $(SOAK_MINUTES)

@@ -43,6 +43,12 @@ def drive_until(robot: Any, linear_m_s: float, angular_rad_s: float, condition: 
     wait_until(lambda: robot.drive(linear_m_s, angular_rad_s) and condition(), step_s=0.02)
 
 
+def is_decided(took_s: Sequence[float], at_most_s: float, runs: int) -> bool:
+    """Whether the median of an odd number of runs is on one side of a limit, however long those to come take."""
+    within = sum(each <= at_most_s for each in took_s)
+    return max(within, len(took_s) - within) > runs // 2
+
+
 def require_median(took_s: Sequence[float], at_most_s: float, what: str = "it") -> None:
     """Asserts a wall-clock limit on the median of several runs; the first line of a failure has figure and limit.
 

@@ -13,11 +13,11 @@ from mrl_driver.session.events import Lost, Reconnected
 from mrl_driver.transport import reconnect
 from mrl_driver.transport.link import SerialLink
 from mrl_driver.transport.port_info import Port
-from tests.waiting import PATIENCE_S, drive_until, require_median, wait_until
+from tests.waiting import PATIENCE_S, drive_until, is_decided, require_median, wait_until
 
 from .conftest import Cable
 
-NOTICED_S, BACK_S, CLOSE_S, RUNS = 0.1, 2.0, 1.0, 5  # Limits for the medians of so many runs
+NOTICED_S, BACK_S, CLOSE_S, RUNS = 0.1, 2.0, 1.0, 5  # Limits for the medians of so many runs at most
 
 
 @pytest.fixture
@@ -82,7 +82,7 @@ def test_a_robot_comes_back_under_another_name(robot, cable):
 @pytest.mark.realtime
 def test_a_lost_robot_is_noticed_and_found_again_in_time(robot, cable):
     noticed, back = [], []
-    for _ in range(RUNS):
+    while not is_decided(noticed, NOTICED_S, RUNS) or not is_decided(back, BACK_S, RUNS):
         robot.heard.clear()
         start_s = time.monotonic()
         cable.unplug()
@@ -133,8 +133,8 @@ def test_another_robot_is_not_taken(robot, cable):
 @pytest.mark.realtime
 def test_closing_in_the_search(serve, tmp_path):
     times = []
-    for run in range(RUNS):
-        cable = Cable(serve, tmp_path / f"robot{run}")
+    while not is_decided(times, CLOSE_S, RUNS):
+        cable = Cable(serve, tmp_path / f"robot{len(times)}")
         with Driver(cable.path, options=Options(reconnect=True)) as robot:
             cable.unplug()
             wait_until(lambda robot=robot: not robot.ready)

@@ -27,7 +27,8 @@ from . import report
 ROBOTS = report.either(20, 1)
 END_CM, END_DEG = 1.0, 0.5
 PERIOD_MS = 100
-DRIVES, RUNS = report.either((100, (20, 20, 10)), (2, (4, 4, 2)))
+DRIVES, RUNS = report.either((100, (20, 20, 10)), (1, (2, 2, 2)))
+SIDE_M = report.either(1.0, 0.3)
 NOISY = "slip=0.05,wheel_ratio=1.002,noise=2e-5,turn_noise=2e-4"
 WINDING = ((0.5, 1.0), (0.4, -2.0), (0.3, 0.7))  # Way ahead [m] and turn then [rad]
 _SPEEDS = Speeds()
@@ -77,13 +78,13 @@ def calibrate(hidden: str) -> Tuple[np.ndarray, np.ndarray, float]:
     plain = load("traxbot")
     model = plain
     robot = Emulated(model, hidden)
-    runs = robot.drive(geometry_procedures.straight_legs(2, 2.0, _SPEEDS))
+    runs = robot.drive(geometry_procedures.straight_legs(2, 2 * SIDE_M, _SPEEDS))
     model = model._replace(
         drive=geometry_procedures.evaluate(geometry_procedures.STRAIGHT, runs, model).after
     )
-    laps = robot.drive(geometry_procedures.umbmark_legs(2, 1.0, _SPEEDS))
+    laps = robot.drive(geometry_procedures.umbmark_legs(2, SIDE_M, _SPEEDS))
     model = model._replace(drive=geometry_procedures.evaluate(geometry_procedures.UMBMARK, laps, model).after)
-    tried = Emulated(model, hidden).drive(geometry_procedures.umbmark_legs(1, 1.0, _SPEEDS))
+    tried = Emulated(model, hidden).drive(geometry_procedures.umbmark_legs(1, SIDE_M, _SPEEDS))
     missed_m = max(math.hypot(run.end.x_m, run.end.y_m) for run in tried)
     return errors(plain.drive, [laps[0], laps[-1]]), errors(model.drive, tried), missed_m
 

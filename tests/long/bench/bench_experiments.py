@@ -11,12 +11,14 @@ from typing import Any, Dict, Tuple
 
 from sim_arduino.experiments import (
     arena,
+    crossing,
     gyro,
     l_course,
     mixed_team,
     power,
     shared_waypoint,
     square,
+    step_test,
     tip_over,
 )
 from sim_arduino.experiments.cli import EXPERIMENTS
@@ -25,14 +27,16 @@ from sim_arduino.experiments.experiment_robot import Setting
 from tests.long.bench import report
 
 SHORT: Tuple[Tuple[Any, Dict[str, Any]], ...] = (
-    (arena, {"LANE": 8}),
-    (gyro, {"TURNS": 1, "CALIBRATION_TURNS": 1}),
-    (l_course, {"WAYPOINTS": l_course.WAYPOINTS[:2]}),
-    (mixed_team, {"DURATION_S": 10.0, "CONTROL_S": 5.0, "SLIPPING_S": 10.0}),
+    (arena, {"LANE": 16}),
+    (gyro, {"TURNS": 1, "CALIBRATION_LEGS": 2, "CALIBRATION_TURNS": 1}),
+    (l_course, {"WAYPOINTS": l_course.WAYPOINTS[:1]}),
+    (mixed_team, {"DURATION_S": 5.0, "CONTROL_S": 3.0, "SLIPPING_S": 5.0}),
     (power, {"FASTER": 600.0, "NEAR_END": 60.0}),
-    (shared_waypoint, {"ROUNDS": 1}),
-    (tip_over, {"DRIVE": tip_over.DRIVE[:4]}),
-    (square, {"LAPS": 2, "SIDE_M": 0.3}),
+    (step_test, {"WAYPOINTS": step_test.WAYPOINTS[:2], "LOOP_POSES": 10}),
+    (crossing, {"TIME_LIMIT_S": 10.0}),
+    (shared_waypoint, {"ROUNDS": 1, "TIME_LIMIT_S": 8.0}),
+    (tip_over, {"DRIVE": tip_over.DRIVE[:4], "COMMAND_S": 1.0}),
+    (square, {"LAPS": 2, "SIDE_M": 0.2, "CASES": square.CASES[:2]}),
 )
 """What is another with FAST=1."""
 

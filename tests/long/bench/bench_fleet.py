@@ -22,7 +22,7 @@ from .ros_bench import LOGS, ROOT, Master
 
 RUNS, ROBOTS = report.either((3, 20), (1, 2))
 START_S = 120.0
-SETTLE_S, MEASURE_S = report.either((5.0, 10.0), (1.0, 2.0))
+SETTLE_S, MEASURE_S = report.either((5.0, 10.0), (0.5, 1.0))
 END_S = 30.0
 PROGRAM = "import sys, roslaunch; roslaunch.main(sys.argv)"
 ROLES = (b"robot_node", b"sim_board", b"robot_state_publisher", b"world_node", b"rosmaster")

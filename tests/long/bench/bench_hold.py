@@ -17,7 +17,7 @@ from sim_arduino.hardware.motor import Mode
 from tests.long.bench import report
 from tests.long.bench.radio_pair import Pair, radio_image
 
-HOLDS, CONTROLS = report.either((1000, 20), (5, 2))
+HOLDS, CONTROLS = report.either((1000, 20), (3, 1))
 SILENCE = 20  # Parameter 26 [100 ms]
 START_S, STEP_S, PATIENCE_S, SETTLE_S = 2.5, 0.001, 0.5, 0.08
 """Until the image has listened; resolution; longest wait; time for a command to take effect."""

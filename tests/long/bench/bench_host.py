@@ -17,7 +17,7 @@ from tests.long.bench import bench_recording, long_recording, report
 FRAMES = report.either(20000, 2000)
 PIECE = 4096
 RUNS = report.either(9, 1)
-DRIVER_RUNS, DRIVER_S = report.either((5, 20), (1, 2))
+DRIVER_RUNS, DRIVER_S = report.either((5, 20), (1, 1))
 
 
 def stream(checked: bool) -> bytes:

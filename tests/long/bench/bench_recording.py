@@ -21,9 +21,9 @@ from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recorder
 from tests.long.bench import long_recording, report
 
 FRAMES_HZ, COMMANDS_HZ = 400, 20
-RUNS, RUN_S = report.either((5, 10.0), (1, 1.0))
+RUNS, RUN_S = report.either((5, 10.0), (1, 0.5))
 HOURS, SUMMARY_RUNS = 10, report.either(3, 1)
-FRAMES = report.either(HOURS * 3600 * 50, 20000)
+FRAMES = report.either(HOURS * 3600 * 50, 5000)
 
 
 def worker(record: bool, seconds: float) -> float:

@@ -15,13 +15,13 @@ from . import report
 from .ros_bench import BARE, NODE, STEPS, Bench, Master
 
 PAIRS = report.either(10, 1)
-CPU_S = report.either(20.0, 2.0)
-LATENCY_S, ROUNDS = report.either((10.0, 2), (2.0, 1))
+CPU_S = report.either(20.0, 1.0)
+LATENCY_S, ROUNDS = report.either((10.0, 2), (1.0, 1))
 LEAST = report.either(0.9, 0.3)  # Share of the frames that must have arrived
 RATES_HZ = report.either((2000, 1750, 1500, 1250, 1000, 750, 500), (500,))
-RATE_S = report.either(4.0, 1.0)
+RATE_S = report.either(4.0, 0.5)
 GROWTH_S = report.either(0.005, 1.0)  # A delay that grows by more than this over a run is growing
-ROBOTS, ROBOTS_S = report.either((10, 10.0), (2, 2.0))
+ROBOTS, ROBOTS_S = report.either((10, 10.0), (2, 1.0))
 IMU = "imu/data"
 TEN_NODE = [*NODE, "_robot:=traxbot", "_rate:=20"]
 Figures = Dict[str, float]
@@ -40,65 +40,56 @@ def latency(name: str, delays_s: List[float], least: float) -> Figures:
     }
 
 
-def latencies(program: List[str]) -> Figures:
-    """Of odometry and commands [ms]."""
+def measured(program: List[str]) -> Figures:
+    """CPU [%] and memory [MiB] of a program, its latencies of odometry and commands [ms], and its highest rate."""
     with Bench(program) as bench:
+        used = {"cpu_percent_50hz": bench.cpu_percent(CPU_S), "rss_mib": bench.rss_mib()}
         odom = bench.latencies_s(50.0, LATENCY_S)[0]
         command = bench.command_latencies_s(ROUNDS)
+        rate = max_rate(bench)
     return {
+        **used,
         **latency("odom", odom, LEAST * 50 * LATENCY_S),
         **latency("cmd", command, LEAST * STEPS * ROUNDS),
+        "max_frames_hz": rate,
     }
 
 
-def latency_pair() -> Figures:
-    """Latencies of the node, also with an IMU that streams at the same rate, and of the bare loop."""
-    node, bare = latencies(NODE), latencies(BARE)
-    with Bench(NODE, imu=IMU) as bench:
-        imu = latency("imu_odom", bench.latencies_s(50.0, LATENCY_S)[0], LEAST * 50 * LATENCY_S)
-    over = {key.replace("_ms", "_over_bare_ms"): node[key] - bare[key] for key in node}
-    return {**node, **imu, **over, **{f"bare_{key}": value for key, value in bare.items()}}
+def max_rate(bench: Bench) -> float:
+    """The highest rate of frames that is followed: none missing, the delay at the end as at the start."""
+    for hz in RATES_HZ:
+        delays = bench.latencies_s(hz, RATE_S)[0]
+        tenth = max(1, len(delays) // 10)
+        growth_s = statistics.median(delays[-tenth:]) - statistics.median(delays[tenth : 2 * tenth])
+        if len(delays) > LEAST * hz * RATE_S and growth_s < GROWTH_S:
+            return hz
+    return 0
 
 
-def load_pair() -> Figures:
-    """CPU and memory of the node, with an IMU, with every topic subscribed, and of the bare loop."""
-    with Bench(NODE) as bench:
-        node = bench.cpu_percent(CPU_S)
-    with Bench(BARE) as bench:
-        bare, bare_rss = bench.cpu_percent(CPU_S), bench.rss_mib()
+def pair() -> Figures:
+    """The node, the bare loop, and the node with every topic subscribed and with an IMU at the same rate."""
+    node, bare = measured(NODE), measured(BARE)
     with Bench(NODE, full=True) as bench:
         full, rss = bench.cpu_percent(CPU_S), bench.rss_mib()
     with Bench(NODE, imu=IMU) as bench:
         imu = bench.cpu_percent(CPU_S)
+        imu_delays = bench.latencies_s(50.0, LATENCY_S)[0]
+    over = {key.replace("_ms", "_over_bare_ms"): node[key] - bare[key] for key in node if "latency" in key}
+    alone = node["cpu_percent_50hz"]
     return {
-        "node_cpu_percent_50hz": node,
+        **{f"bare_{key}": value for key, value in bare.items()},
+        **{key: value for key, value in node.items() if key != "cpu_percent_50hz"},
+        **over,
+        **latency("imu_odom", imu_delays, LEAST * 50 * LATENCY_S),
+        "node_cpu_percent_50hz": alone,
         "node_full_cpu_percent_50hz": full,
         "node_imu_cpu_percent_50hz": imu,
-        "bare_cpu_percent_50hz": bare,
-        "node_over_bare_cpu": node / bare,
-        "node_full_over_bare_cpu": full / bare,
-        "imu_cpu_percent_more": imu - node,
+        "node_over_bare_cpu": alone / bare["cpu_percent_50hz"],
+        "node_full_over_bare_cpu": full / bare["cpu_percent_50hz"],
+        "imu_cpu_percent_more": imu - alone,
         "rss_mib": rss,
-        "bare_rss_mib": bare_rss,
-        "rss_over_bare_mib": rss - bare_rss,
+        "rss_over_bare_mib": rss - bare["rss_mib"],
     }
-
-
-def max_rate(program: List[str]) -> float:
-    """The highest rate of frames that is followed: none missing, the delay at the end as at the start."""
-    with Bench(program) as bench:
-        for hz in RATES_HZ:
-            delays = bench.latencies_s(hz, RATE_S)[0]
-            tenth = max(1, len(delays) // 10)
-            growth_s = statistics.median(delays[-tenth:]) - statistics.median(delays[tenth : 2 * tenth])
-            if len(delays) > LEAST * hz * RATE_S and growth_s < GROWTH_S:
-                return hz
-    return 0
-
-
-def rate_pair() -> Figures:
-    """The highest rates of node and bare loop [Hz]."""
-    return {"max_frames_hz": max_rate(NODE), "bare_max_frames_hz": max_rate(BARE)}
 
 
 def many_pair() -> Figures:
@@ -133,6 +124,6 @@ def figures() -> Dict[str, report.Measured]:
         "motion_to_true_pose_mm": [circle_error_mm(i / 12) for i in range(12)]
     }
     with Master():
-        for measure in latency_pair, load_pair, rate_pair, many_pair:
+        for measure in pair, many_pair:
             found.update(report.by_key(report.repeat(measure.__name__, PAIRS, measure)))
     return found

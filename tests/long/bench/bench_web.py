@@ -21,7 +21,7 @@ from tests.web.stop_runs import StopRuns
 from . import processes, report
 
 RUNS = report.either(20, 1)
-CPU_S, CPU_RUNS, SETTLE_S = report.either((20.0, 3, 2.0), (2.0, 1, 1.0))
+CPU_S, CPU_RUNS, SETTLE_S = report.either((20.0, 3, 2.0), (1.0, 1, 0.3))
 ROWS, COLUMNS = 40, 120  # Size of the terminal in which the control draws
 
 

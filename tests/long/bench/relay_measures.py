@@ -19,7 +19,7 @@ from tests.waiting import wait_until
 
 ENDS = [sys.executable, "-m", "tests.long.bench.relay_ends"]
 HZ = 50
-DELAYS_S = either(20.0, 3.0)
+DELAYS_S = either(20.0, 1.0)
 
 
 def enter(robot: str) -> List[str]:

@@ -19,7 +19,7 @@ from sensor_msgs.msg import BatteryState, Imu, JointState, Range
 from tf2_msgs.msg import TFMessage
 
 from ros1_bridge.demo.processes import Child, wait_until
-from tests.long.bench import figures, processes
+from tests.long.bench import figures, processes, report
 from tests.long.bench.feeder import METRES_PER_COUNT
 from tests.long.programs import Program
 from tests.ros.rig import free_port
@@ -28,12 +28,12 @@ ROOT = figures.ROOT
 LOGS = ROOT / "build" / "bench" / "ros"
 NODE = [str(ROOT / "ros1_bridge" / "nodes" / "robot_node")]
 BARE = ["/usr/bin/python3", str(ROOT / "tests" / "long" / "bench" / "bare_rospy.py")]
-SPEED_M_S, COMMANDS_S = 0.3, 0.1  # Driven with commands this far apart
+SPEED_M_S, RAMP_S, FASTEST_MM_S, STEPS = report.either((0.3, 2.0, 290, 200), (0.1, 0.6, 90, 50))
+"""What is driven, the time to reach it, and single commands, each 1 mm/s slower than the one before."""
+COMMANDS_S = 0.1  # Driven with commands this far apart
 START_S = 30.0
 LEARN_S = 2.0  # A robot with an IMU stands this long at first: the driver learns the bias of its gyro
-RAMP_S = 2.0  # Time to reach that speed
-SETTLED_S = 5.0  # The node orders its memory so long after its start
-FASTEST_MM_S, STEPS = 290, 200
+SETTLED_S = report.either(5.0, 0.2)  # The node orders its memory so long after its start
 FULL = {
     "sonar/front": Range,
     "sonar/left": Range,

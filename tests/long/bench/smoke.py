@@ -21,7 +21,7 @@ from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Sequence
 from tests.long.bench.figures import ROOT, catalogue, promised, tables
 
 FOLDER = ROOT / "build" / "smoke"
-AT_ONCE = 2
+AT_ONCE = 3
 LIMIT_S = 300.0 * float(os.environ.get("MRL_TEST_PATIENCE", "1"))
 TAIL_LINES = 15
 

@@ -11,8 +11,8 @@ import click
 from tests.long.bench import report
 from tests.long.fuzz import damage, faulty_robot
 
-BATCH = 1000
-DRIVE_S, DRIVING_SHARE = 5.0, 0.2
+BATCH = report.either(1000, 400)
+DRIVE_S, DRIVING_SHARE = report.either(5.0, 1.0), 0.2
 """Simulated length of one drive, and the share of the time that goes to drives."""
 Found = Tuple[str, bool, damage.Tally]
 

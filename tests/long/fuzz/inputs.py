@@ -46,7 +46,7 @@ def search(name: str, seconds: float, seed: int) -> Findings:
     shapes, problems, kinds, tried = set(), {}, set(), 0
     end_s = time.monotonic() + seconds
     with tempfile.TemporaryDirectory(dir=BUILD) as folder, open(_current(name), "wb", buffering=0) as current:
-        while time.monotonic() < end_s:
+        while not tried or time.monotonic() < end_s:
             data = mutate(rng.choice(pool), seeds, input_.tokens, rng)
             current.seek(0)
             current.truncate()
@@ -148,7 +148,7 @@ def again(paths: Tuple[str, ...], input_: Input) -> bool:
 
 @click.command()
 @click.option(
-    "--seconds", type=click.FloatRange(0.1), default=60.0, show_default=True, help="For each reader."
+    "--seconds", type=click.FloatRange(0.01), default=60.0, show_default=True, help="For each reader."
 )
 @click.option("--seed", type=int, default=1, show_default=True)
 @click.option("--only", multiple=True, help="Name of a reader.")

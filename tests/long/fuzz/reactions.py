@@ -50,7 +50,7 @@ def run(minutes: float) -> Iterator[Dict[str, float]]:
 
 
 @click.command()
-@click.option("--minutes", type=click.FloatRange(0.1), default=FULL_MINUTES, show_default=True)
+@click.option("--minutes", type=click.FloatRange(0.02), default=FULL_MINUTES, show_default=True)
 def main(minutes: float) -> None:
     """Measure reactions again and again, then drive on for so long; exit code 1 if a figure misses its goal."""
     signal.signal(signal.SIGINT, signal.default_int_handler)  # background shells ignore it

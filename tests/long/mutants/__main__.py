@@ -22,8 +22,8 @@ HERE, RESULTS = pathlib.Path(__file__).parent, python.ROOT / "build" / "mutants"
 SHORT = {
     "python": {"sources": ["sim_arduino/avr/intel_hex.py"], "tests": ["tests/avr/test_build.py"]},
     "firmware": {
-        "sources": ["firmware/mrl_firmware/src/sensors/compass.cpp"],
-        "tests": ["tests/firmware/test_environment.py"],
+        "sources": ["firmware/mrl_firmware/src/radio/xbee.cpp"],
+        "tests": ["tests/firmware/test_xbee.py"],
     },
 }
 """With FAST=1: a source of each language."""

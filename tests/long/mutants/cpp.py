@@ -24,13 +24,12 @@ from tests.long.bench.report import ROOT, either
 from tests.long.mutants import Draw, Results
 
 FIRMWARE, WORK = ROOT / "firmware/mrl_firmware", ROOT / "build/mutants/firmware"
-BUILDS = {
-    "": "",
-    "_environment": "-DMRL_ENVIRONMENT=1",
-    **either({"_xbee": "-DMRL_XBEE=1", "_hbridge": "-DMRL_BRIDGE=1"}, {}),
-}
+BUILDS = either(
+    {"": "", "_environment": "-DMRL_ENVIRONMENT=1", "_xbee": "-DMRL_XBEE=1", "_hbridge": "-DMRL_BRIDGE=1"},
+    {"_xbee": "-DMRL_XBEE=1"},
+)
 """What is behind the name of the library, and its define."""
-COMPILE = "g++ -std=gnu++11 -O1 -w -fPIC -shared"
+COMPILE = f"g++ -std=gnu++11 {either('-O1', '-O0')} -w -fPIC -shared"
 TREE = "clang++ -std=gnu++11 -fsyntax-only -w -x c++ -Xclang -ast-dump=json"
 WITHOUT = ("cacheprovider", "randomly", "rerunfailures", "xdist", "timeout", "faulthandler")
 MOST_MUTANTS = 1 << 16

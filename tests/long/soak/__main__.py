@@ -22,7 +22,7 @@ from .rows import LEAST, ROWS
 from .simulated import Job, run_one
 from .tally import GROWTH, Tally
 
-SESSIONS, CHIPS = 32, 4
+SESSIONS, CHIPS = report.either((32, 4), (3, 1))
 """A full simulated run is this many simulations of a quarter of an hour; of these many the board is the chip."""
 PARTS = ("simulated", "real_time")
 LEFT = ("processes_left", "descriptors_left", "threads_left", "growth_descriptors", "growth_threads")
