@@ -175,7 +175,7 @@ generate: setup ## Render protocol.h, PROTOCOL.md and the schemas of YAML files 
 	$(PY) -m tests.long.verify.model.constants
 
 docs: setup $(VENV)/.site ## Check the spelling and build the documentation site in build/docs; a warning is an error; needs Python 3.11
-	$(VENV)/bin/codespell
+	$(if $(FAST),,$(VENV)/bin/codespell)
 	@NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict --config-file docs/site/mkdocs.yml
 	@echo "build/docs/index.html opens in a browser, without a server"
 

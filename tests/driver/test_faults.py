@@ -22,7 +22,7 @@ from tests.waiting import PATIENCE_S, drive_until, is_decided, require_median, w
 from .emulator import DRIVE, MOVE, STOP, Emulator
 
 RUNS = 5
-"""A wall-clock limit holds for the median of so many runs at most; `test_fault_figures` has the figures in simulated time."""
+"""A wall-clock limit holds for the median of at most so many runs; `test_fault_figures` has them in simulated time."""
 HOST_DEAD_S, TIMEOUT_S, BEYOND_TIMEOUT_S = 0.3, 0.25, 0.05
 SILENT_S = 0.3
 SIGNAL_STOP_S, SIGNAL_EXIT_S = 0.1, 2.0

@@ -127,11 +127,13 @@ def build(tree: Path, dist: Path) -> Dict[str, bytes]:
     with tempfile.TemporaryDirectory(prefix="mrl-release-") as name:
         clone, unpacked = Path(name, "clone"), Path(name, "unpacked")
         output_of("git", "clone", "-q", str(tree), str(clone))
-        if FAST:  # files that are newer than all sources are not built again
+        if FAST:
             shutil.copytree(
                 str(tree / "build/firmware"), str(clone / "build/firmware"), copy_function=shutil.copy
             )
-        subprocess.run(["make", "--no-print-directory", "firmware"], cwd=str(clone), check=True)
+        subprocess.run(
+            ["make", "--no-print-directory", *["--touch"] * FAST, "firmware"], cwd=str(clone), check=True
+        )
         images = {image: (clone / "build/firmware" / image).read_bytes() for image in IMAGES}
         made = Path(name, "dist")
         made.mkdir()

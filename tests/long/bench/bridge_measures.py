@@ -21,11 +21,11 @@ CONTROLLED = (b"@9,100,100e", b"@9,99,99e")
 UNCONTROLLED = b"@10,100,100e"  # All outputs keep their levels, so that the cycle of a change is exact
 LOAD_EDGES_HZ, FOUR_WHEELS_HZ = 40000, 60000
 LEAST_EDGES_HZ, MOST_EDGES_HZ = 5000.0, 400000.0
-RATE_STEP, LOAD_S = either((1.01, 1.0), (1.5, 0.1))  # Exactness of the highest rate of edges
-STOPS, WATCHDOG_STOPS, SAMPLES = either((1000, 30, 2000), (10, 2, 20))
+RATE_STEP, LOAD_S = either((1.01, 1.0), (10.0, 0.1))  # Exactness of the highest rate of edges
+STOPS, WATCHDOG_STOPS, SAMPLES = either((1000, 30, 2000), (4, 2, 20))
 HELD_US, MOVE_US_S, SERVO_PERIOD_S = 1500, 300, 20e-3
 SERVO_S = either(2.0, 0.2)
-RANGES_S, READINGS = 0.4, either(20, 2)  # More than a round of six HC-SR04
+RANGES_S, READINGS = 0.4, either(20, 1)  # More than a round of six HC-SR04
 SAMPLE_DUE = "_ZN3hal10sample_dueE"  # the interrupt of the sample moves it on
 SAMPLE_CYCLES = 78 * 1024
 LOOK_CYCLES, LOOK_STEP = 2000, 8
@@ -243,7 +243,7 @@ def exact_figures(make: MakeRig) -> Dict[str, float]:
 
 # -- motion: the image, the emulated duo, and the true speed of its wheels
 
-SETTLE_S, STEP_S, SLOW_S = 2.0, 1.0, 2.0
+SETTLE_S, STEP_S, SLOW_S = either((2.0, 1.0, 2.0), (1.0, 0.8, 0.5))
 TARGET_MM_S, SLOW_MM_S = 300, 20
 SLICE_S = 1e-3
 WITHIN = 0.05

@@ -13,11 +13,12 @@ from tests.firmware.imu_chip import GYRO_DATA
 from tests.long.bench.firmware_board import Reply, Rig, request
 from tests.long.bench.report import either
 
-REQUESTS = either(300, 60)
-STREAM_COMMANDS = either(1000, 60)
-STREAM_S, PERIODS_S = either((2.0, 10.0), (0.3, 0.5))
+REQUESTS = either(300, 15)
+REQUEST_S = either(20e-3, 5e-3)  # Time of each of all requests
+STREAM_COMMANDS = either(1000, 15)
+STREAM_S, PERIODS_S = either((2.0, 10.0), (0.3, 0.3))
 """Time of a stream as fast as it goes, and of one with a period."""
-EXACT = range(-32768, 32768, either(1, 128))
+EXACT = range(-32768, 32768, either(1, 1024))
 WATCHDOG_STOPS, HANGS = either((30, 40), (2, 4))
 MOVE, STOP = 0xEB, 0xFC  # motor board commands
 WIDEST = 32767
@@ -317,7 +318,7 @@ def use_everything(rig: Rig) -> None:
     """All commands, bad input, each stream for a while, and broken parts while driving."""
     for frame in every_request() + list(BAD_INPUT):
         rig.machine.send(frame)
-        rig.run(20e-3)
+        rig.run(REQUEST_S)
     for fault in (*rig.FAULTS, ""):
         rig.machine.send(request("move_differential", 300, -300) + request("start_stream"))
         rig.break_part(fault)
@@ -334,7 +335,7 @@ def memory_figures(make: MakeRig) -> Dict[str, float]:
     rig.machine.send(request("set_check", 1))
     for frame in every_request():
         rig.machine.send(frame)
-        rig.run(20e-3)
+        rig.run(REQUEST_S)
     free = rig.machine.sram_untouched()
     rig.close()
     return {"sram_free_bytes": free, "flash_bytes": sum(len(data) for _, data in rig.machine.image_flash)}

@@ -146,7 +146,7 @@ def late_moves(count: int) -> Dict[str, float]:
 
     def most(motors: str, measure: Callable[[Any], float]) -> float:
         values = []
-        for period_ms in test_own_stop.PERIODS_MS:
+        for period_ms in test_own_stop.PERIODS_MS[: report.either(None, 1)]:
             for phase in range(-(-count // len(test_own_stop.PERIODS_MS))):
                 robot = test_own_stop.stopped(period_ms, motors, after_s=1.0 + 0.0013 * phase)
                 values.append(1000 * measure(robot))

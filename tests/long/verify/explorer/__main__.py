@@ -125,7 +125,11 @@ def patched(bug: Dict[str, Any]) -> Dict[str, Any]:
             source = folder / bug["file"]
             source.write_text(edited(source, bug["find"], bug["replace"]))
             if package == "firmware":
-                library = build(folder / "libboard.so", folder / "firmware" / "mrl_firmware")
+                library = build(
+                    folder / "libboard.so",
+                    folder / "firmware" / "mrl_firmware",
+                    report.either("-O2", "-O0"),
+                )
         else:
             _checkout(folder, "")
         command = [sys.executable, "-m", "tests.long.verify.explorer", "--search", str(library), *timeout]
@@ -161,7 +165,7 @@ def main() -> None:
     if options.search:
         print(json.dumps(search(options.search, None if options.no_timeout else 0.5)))
         return
-    build()
+    build(optimise=report.either("-O2", "-O0"))
     if options.words:
         print("\n".join(words(options.words)))
         print(record(options.words, options.record) or "holds")
