@@ -95,8 +95,8 @@ def test_a_calibration_goes_on_from_the_file_that_lists_the_boards_id_whatever_n
 
 
 def swap_encoders(board):
-    encoder = board.encoder
-    board.encoder = lambda number, time_s: encoder(4 - number, time_s)
+    counts = board.counts
+    board.counts = lambda: counts()[::-1]
 
 
 @pytest.mark.parametrize(
@@ -159,8 +159,8 @@ def test_counts_that_jump_spoil_the_run(lab, tmp_path):
     """An encoder that reads 9000 more for a moment; the odometry bridges that, a calibration does not take it."""
 
     def jump(board):
-        encoder = board.encoder
-        board.encoder = lambda number, time_s: encoder(number, time_s) + 9000 * (2.0 < time_s < 2.1)
+        counts = board.counts
+        board.counts = lambda: tuple(each + 9000 * (2.0 < board.time_s < 2.1) for each in counts())
 
     lab.rewire = jump
     line = lab.refused("straight", "--count", 2, "--distance", 0.5, "--truth", "t", "--yes")
