@@ -10,9 +10,8 @@ from tests.waiting import is_decided, require_median
 
 from .stop_runs import StopRuns
 
-FURTHER = (
-    3  # In the first run the page sends so many messages more before the finger is lifted, and nothing moves
-)
+FURTHER = 3
+"""In the first run the page sends so many messages more before the finger is lifted, and nothing moves."""
 STOP_S, RUNS = 0.3, 3  # Limit for the median of so many runs at most
 
 

@@ -18,10 +18,8 @@ from tests.long.bench.radio_pair import Pair, radio_image
 TEXTS, SEEDS, IMAGE_TEXTS = report.either((1000, 10, 200), (20, 1, 5))
 LOSSES = (0.0, 0.1)
 PERIOD_S, STEP_S = 0.1, 0.002
-START_S, LAST_S = (
-    0.5,
-    report.either(6.0, 1.0),
-)  # Until the image has started; after the last text, for its third attempt
+START_S = 0.5  # Until the image has started
+LAST_S = report.either(6.0, 1.0)  # After the last text, for its third attempt
 WAYS = ("unicast", "broadcast")
 
 
