@@ -246,6 +246,13 @@ def test_a_wheel_that_does_not_start_is_judged_five_readings_after_the_latest_ar
     assert started(latency_s=latency_s).first(SPEED_M_S)[0] == readings + WINDOW_READINGS
 
 
+def test_a_turn_on_tracks_is_judged_by_what_the_board_commands_which_knows_no_slip():
+    """0.5 rad/s on 0.5 m are 0.125 m/s for each wheel; both stand for five readings."""
+    monitor = WheelMonitor(Drive(0.5, MICROMETRE, turn_slip=0.3), FAST_M_S2, 0.0)
+    found = [monitor.update(0.0, 0.5, Wheels(0, 0), reading * DT_S) for reading in range(7)]
+    assert found[-1].expected_m == pytest.approx(SPEED_M_S * WINDOW_READINGS * DT_S)
+
+
 def test_the_latency_of_a_model_is_the_repetition_of_its_commands_and_a_twentieth_of_a_second():
     """0.17 s are four readings."""
     monitor, now_s = monitor_of(load("traxbot"), QUICK._replace(repeat_s=0.12)), 0.0
