@@ -287,7 +287,7 @@ def test_a_bridge_that_coasts_is_measured_without_encoders(workshop_of, tmp_path
 WORDS = "left,forward,rear_left,forward,right,forward,forward,yes"
 """What a user sees: the second output turns the rear left wheel, and the third one the right wheel."""
 FOUR_M, FOUR_RAD, SIDE_SLIP = 0.01, 0.02, 0.05
-_SIDEWAYS = (("turn", "--count", 2), ("sideways", "--count", 2, "--distance", 0.3))
+_MECANUM = (_GEOMETRY[0], ("turn", "--count", 2), ("sideways", "--count", 2, "--distance", 0.3))
 
 
 FOUR_WHEELS = [("skid", "python"), ("mecanum", "python"), ("mecanum", "avr")]
@@ -314,8 +314,7 @@ def test_four_wheels_with_hidden_errors_close_a_square(kind, engine, workshop_of
     out = workshop.mrl("new", "truck", *facts, "--no-flash", "--port", "kit", "--truth", "t", "--yes")
     assert "rear right encoder reversed" in out and "right_pwm_a on 8" in out
     path = str(tmp_path / "config" / "mrl-driver" / "robots" / "truck.yaml")
-    sideways = _SIDEWAYS if kind == "mecanum" else ()
-    for procedure in (_GEOMETRY[0], *sideways, _GEOMETRY[1]) if error else ():
+    for procedure in (_MECANUM if kind == "mecanum" else _GEOMETRY) if error else ():
         workshop.mrl("calibrate", *procedure, "--robot", path, "--truth", "t", "--yes", "--eeprom")
     with workshop.robot("truck", period_ms=50) as robot:
         start = workshop.pose()
@@ -325,7 +324,7 @@ def test_four_wheels_with_hidden_errors_close_a_square(kind, engine, workshop_of
     assert stored == swapped == {name: models.load("truck").board[name] for name in swapped}
     off_m, off_rad = math.dist(start[:2], end[:2]), abs(wrap_angle(end.yaw_rad - start.yaw_rad))
     assert off_m < FOUR_M and off_rad < FOUR_RAD
-    if error and sideways:
+    if error and kind == "mecanum":
         assert models.load("truck").drive.side_slip == pytest.approx(SIDE_SLIP, abs=0.005)
 
 
