@@ -151,7 +151,7 @@ def ramp(before: Speeds, wanted: Speeds, limits: Limits, dt_s: float) -> Speeds:
     rise = goal - (min(goal, was) if along > 0 else 0.0)
     turn_rise = turn_goal - max(0.0, min(turn_goal, before[1] * math.copysign(1.0, wanted[1])))
     time_s = max(rise / limits.linear_acceleration_m_s2, turn_rise / limits.angular_acceleration_rad_s2)
-    lack = max(0.0, time_s - dt_s) / (time_s or math.inf)
+    lack = max(0.0, 1.0 - dt_s / time_s) if time_s else 0.0
     factor = 1.0 - lack * rise / (goal or math.inf)
     turn_factor = 1.0 - lack * turn_rise / (turn_goal or math.inf)
     return tuple(map(operator.mul, wanted, (factor, turn_factor, factor)))

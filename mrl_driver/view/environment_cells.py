@@ -37,14 +37,13 @@ class Variable(NamedTuple):
 
     def value(self, fields: Sequence[float]) -> float:
         """Return the value of a reading; raise ValueError if the sensor cannot have measured it."""
-        value = sum(fields) / len(fields) if fields else math.nan
-        if not self.low <= value <= self.high:
+        if not (fields and all(self.low <= each <= self.high for each in fields)):
             got = ", ".join(f"{each:g}" for each in fields) or "nothing"
             raise ValueError(
                 f"got {got}, expected {self.low:g} to {self.high:g} {self.unit}; connect or calibrate the sensor "
                 f"{self.sensor}"
             )
-        return value
+        return sum(fields) / len(fields)
 
 
 HEAT = Variable("heat", "thermopile", 32.0, 39.0, 1.0, 254.0, "degC", figures.ORANGE, -1)

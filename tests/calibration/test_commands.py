@@ -82,16 +82,21 @@ def lab(monkeypatch, tmp_path, capsys):
     return made
 
 
-def test_a_calibration_goes_on_from_the_file_that_lists_the_boards_id_whatever_name_is_in_it(lab, tmp_path):
-    """A copy of a packaged file, of which only some numbers were changed."""
+@pytest.mark.parametrize("robot_id, mass_kg", [(1, 3.21), (2, models.load("traxbot").body.mass_kg)])
+def test_a_calibration_goes_on_from_the_file_that_lists_the_boards_id_whatever_name_is_in_it(
+    lab, robot_id, mass_kg
+):
+    """A copy of a packaged file for one of its robots, of which only some numbers were changed."""
+    lab.options = {"robot_id": robot_id}
     file = yaml.safe_load(pathlib.Path(models.path_of("traxbot")).read_text())
+    file["ids"] = [1]
     file["body"]["mass_kg"] = 3.21
     own = pathlib.Path(models.own_folder()) / "lab7.yaml"
     own.parent.mkdir(parents=True)
     own.write_text(yaml.safe_dump(file))
     code, _, lines = lab.mrl("straight", "--count", 2, "--distance", 0.5, "--truth", "t", "--yes")
     assert code == 0, lines
-    assert models.load("traxbot-1.yaml").body.mass_kg == 3.21
+    assert models.load(f"traxbot-{robot_id}.yaml").body.mass_kg == mass_kg
 
 
 def swap_encoders(board):

@@ -316,6 +316,11 @@ def test_umbmark_tells_unequal_wheels_from_a_wrong_wheelbase(share, tracks):
     assert outcome.after == pytest.approx(true, abs=1e-5)
 
 
+def test_squares_of_mecanum_wheels_tell_their_slip():
+    free = geometry_procedures.free_numbers(geometry_procedures.UMBMARK, four_wheels("mecanum"))
+    assert free == (fit.OFFSET, fit.SLIP)
+
+
 def test_umbmark_says_how_far_the_mean_end_of_the_worse_direction_is_off():
     runs = [
         Trial(lap.steps, lap.end._replace(x_m=lap.end.x_m + off_m))

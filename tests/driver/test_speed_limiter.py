@@ -217,6 +217,16 @@ def test_a_tall_robot_speeds_up_and_brakes_on_its_arc_and_brakes_as_fast_while_a
     assert bench.speeds[0] == pytest.approx(0.3 - 2 * 0.4 * FRAME_S)
 
 
+def test_an_acceleration_too_small_for_a_number_leaves_the_robot_where_it_is():
+    assert ramp((0.0, 0.0), (0.3, 0.0), Limits(0.3, 1.0, 5e-324, 1.0), FRAME_S) == (0.0, 0.0)
+
+
+def test_a_tall_robot_is_as_fast_in_a_curve_as_its_limit_allows(bench):
+    bench.limiter.limits = LIMITS._replace(curve_m_s2=0.02)
+    speed, turn = bench.limiter.limited((0.2, 0.4))
+    assert (speed * turn, turn / speed) == pytest.approx((0.02, 2.0))
+
+
 def test_a_tall_robot_brakes_in_a_slide_as_fast_as_straight_ahead():
     ahead, slide = (gentle_ramp(before, (0.0,) * 3, TALL, FRAME_S) for before in ((0.3, 0, 0), (0, 0, 0.3)))
     assert ahead[0] == slide[2] == pytest.approx(0.3 - 0.4 * FRAME_S)

@@ -20,7 +20,7 @@ def test_heat_is_the_mean_of_the_pixels():
     assert HEAT.value([22.0] * 6 + [62.0] * 2) == 32.0
 
 
-@pytest.mark.parametrize("fields", [(), (math.nan, 40.0), (math.inf, 40.0), (255.0,) * 8])
+@pytest.mark.parametrize("fields", [(), (math.nan, 40.0), (math.inf, 40.0), (22.0,) * 7 + (255.0,)])
 def test_a_reading_that_no_sensor_makes_is_refused(fields):
     with pytest.raises(ValueError, match="connect or calibrate the sensor thermopile"):
         HEAT.value(fields)

@@ -143,7 +143,7 @@ class Job(NamedTuple):
         """Return the robot's file, or that of its model."""
         name = self.target.model
         if name == "auto":  # chosen by the board's id; the name in a file need not be the file's
-            name = next(each for each in map(models.by_id, model.ids) if models.load(each).name == model.name)
+            name = next(each for each in map(models.by_id, model.ids) if models.load(each).ids == model.ids)
         return models.path_of(name)
 
     def offer_eeprom(self, driver: Driver, result: Result) -> None:
