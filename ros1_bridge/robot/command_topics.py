@@ -2,7 +2,6 @@
 
 import contextlib
 import math
-import threading
 import time
 from typing import Callable, Iterable, Optional, Sequence, Set, Tuple
 
@@ -72,15 +71,11 @@ class CommandTopics:
         rospy.Subscriber("pose", PoseStamped, self._on_pose, queue_size=1)
 
     def _await_sources(self) -> None:
-        """Let the nodes that were there before this one connect, and be silent for their pause if they are.
-
-        A shutdown ends the wait.
-        """
-        ended, until_s = threading.Event(), time.monotonic() + CONNECT_S
-        rospy.on_shutdown(ended.set)
+        """Let the nodes that were there before this one connect, and be silent for their pause if they are."""
+        until_s = time.monotonic() + CONNECT_S
         while not self.note_sources() and time.monotonic() < until_s:
-            ended.wait(CONNECT_LOOK_S)
-        ended.wait(self._parameters.cmd_vel_pause)
+            time.sleep(CONNECT_LOOK_S)
+        time.sleep(self._parameters.cmd_vel_pause)
 
     def note_sources(self) -> bool:
         """Take note of the connected sources; whether all are that were there before this node."""

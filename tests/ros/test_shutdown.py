@@ -91,7 +91,7 @@ def test_signal_while_the_node_begins_ends_it(rig, silent):
     """While nobody answers on the port, or while it hears who sends commands already."""
     ours, theirs = pty.openpty()
     tty.setraw(theirs)
-    node = rig.node(os.ttyname(theirs) if silent else rig.board().port, "_cmd_vel_pause:=5.0")
+    node = rig.node(os.ttyname(theirs) if silent else rig.board().port, "_cmd_vel_pause:=1.0")
     if silent:
         wait_until(lambda: select.select([ours], [], [], 0)[0], what="a byte")
     else:
