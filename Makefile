@@ -18,6 +18,7 @@ PACKAGES_firmware := gcc-avr avr-libc binutils-avr arduino-core-avr
 PACKAGES_flash := $(PACKAGES_firmware) avrdude
 PACKAGES_quick := python3-venv
 PACKAGES_check := $(PACKAGES_quick)
+PACKAGES_generate := $(PACKAGES_quick)
 # The compilers make the firmware's image and run it on a simulated chip; without them the board is emulated in Python.
 CHIP := $(PACKAGES_firmware) gcc libc6-dev libsimavr-dev libelf-dev
 PACKAGES_run := python3-venv python3-serial python3-yaml $(if $(filter avr,$(ENGINE)),$(CHIP))

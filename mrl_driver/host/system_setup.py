@@ -106,12 +106,14 @@ def unit(user: str, page: str = "") -> str:
     """
     if re.search(r"[^\w.:\[\]-]", page):
         raise ConfigError(f"page is {page!r}, expected HOST or HOST:PORT, such as 127.0.0.1 or 0.0.0.0:8642")
-    checkout = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-    found = os.path.isfile(os.path.join(checkout, "package.xml"))
     launch = f"web.launch listen:={page}" if page else "robot.launch"
-    return UNIT_TEXT.format(
-        mark=MARK, user=user, group=GROUP, checkout=checkout if found else "", launch=launch
-    )
+    return UNIT_TEXT.format(mark=MARK, user=user, group=GROUP, checkout=_checkout(), launch=launch)
+
+
+def _checkout() -> str:
+    """Return the folder of the clone that this program is in, or an empty text."""
+    folder = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+    return folder if os.path.isfile(os.path.join(folder, "package.xml")) else ""
 
 
 def files(user: str, page: str = "") -> Dict[str, str]:
@@ -162,6 +164,8 @@ def install(user: str, root: str = "/", page: str = "") -> List[str]:
             with open(path, "w", encoding="utf-8") as file:
                 file.write(text)
     done = [f"wrote {path}" for path in paths]
+    if not _checkout():
+        done.append("the service needs a ROS that has mrl_robots, or be installed by the mrl of a clone")
     return done + run(commands(user, True)) if is_machine(root) else done
 
 

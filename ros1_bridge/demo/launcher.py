@@ -41,7 +41,7 @@ _PORTS = range(20000, 32768)
 _COMPLETE = "started core service [/rosout]"
 """roslaunch prints this line if it has started a master and its services."""
 _NEXT = """next:
-  . .venv/bin/activate; mrl demo --web                the robot on a page, without ROS
+  . .venv/bin/activate; mrl demo                      the robot by your keys, without ROS
   mrl flash --build virtual --port /dev/ttyACM0       makes a bare Uno, Nano or Mega a robot in a room of its own
   make run PORT=/dev/ttyACM0                          drives it, or a real robot, by your keys"""
 _DIED = re.compile(r"REQUIRED process \[(\w+)-\d+\] has died!\nprocess has died \[pid \d+, exit code (-?\d+)")

@@ -57,7 +57,7 @@ def _lines(document: str, lines: List[str]) -> Iterator[Shown]:
     for line in lines:
         bare = re.sub(r"\s#.*", "", _PROMPT.sub("", line))
         for command in re.split(r"; |\s\|\|?\s", bare):
-            command = command.replace("$(which mrl)", "mrl")
+            command = command.replace('"$(which mrl)"', "mrl")
             words = [_STAND_INS.get(word, word) for word in shlex.split(command)]
             words = [word for word in words if word and word != "sudo"]
             while words and re.fullmatch(r"[A-Z_]+=.*", words[0]):

@@ -184,6 +184,14 @@ def test_a_page_that_is_not_an_address_is_refused(tmp_path):
         mrl_system("install", "--root", tmp_path, "--user", "ada", "--page", "0.0.0.0 x")
 
 
+@pytest.mark.parametrize("clone", [True, False])
+def test_who_installs_the_service_outside_a_clone_is_told_what_it_needs(tmp_path, monkeypatch, clone):
+    if not clone:
+        monkeypatch.setattr(system_setup, "__file__", str(tmp_path / "site/mrl_driver/host/system_setup.py"))
+    said = system_setup.install("ada", str(tmp_path))
+    assert clone is not any("needs a ROS that has mrl_robots" in line for line in said)
+
+
 @pytest.mark.parametrize("setup", ["", "export ROS_PACKAGE_PATH=/opt/ros/noetic/share\n"])
 def test_unit_finds_the_checkout_although_setup_files_of_ros_replace_the_package_path(tmp_path, setup):
     service = unit_in(tmp_path)

@@ -30,7 +30,7 @@ def system() -> None:
       mrl system install --dry-run
       sudo mrl system install
       sudo mrl system remove
-      sudo $(which mrl) system install       if mrl is in a virtual environment
+      sudo "$(which mrl)" system install       if mrl is in a virtual environment
     """
 
 
