@@ -16,6 +16,7 @@ from contextlib import suppress
 from xmlrpc.client import ServerProxy
 
 import pytest
+import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rosgraph.masterapi import is_online
@@ -110,6 +111,8 @@ def test_node_takes_over_from_one_of_the_same_name(rig):
     port = rig.board().port
     first, odom = rig.node(port), rig.topic("odom", Odometry)
     odom.wait()
+    # The last that a node registers: who registers after its successor ends it.
+    rospy.wait_for_service(f"{rig.ns}/robot_node/sonars/set_parameters", START_S)
     second = rig.node(port)
     assert first.wait(START_S) and first.exit_code == 0
     wait_until(lambda: any(" on /dev/" in line for line in second.output()) or second.exit_code is not None)
