@@ -39,7 +39,8 @@ def start(name: str, module: str) -> Any:
         package = (error.name or "").partition(".")[0]
         if package in _OWN:
             raise
-        of_pip = f", or: pip install {_OF_PIP[package]}" if package in _OF_PIP else ""
+        own = sys.prefix != sys.base_prefix  # a virtual environment, into which pip installs
+        of_pip = f", or: pip install {_OF_PIP[package]}" if own and package in _OF_PIP else ""
         sys.stderr.write(
             f"{name}: the Python package {package} is missing; install it with: sudo apt install "
             f"python3-{package.replace('_', '-')}{of_pip}\n"

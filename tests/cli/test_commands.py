@@ -348,10 +348,10 @@ def every(command=main.cli, path=("mrl",)):
     return found
 
 
-def python(*words, path):
+def python(*words, path, executable=sys.executable):
     """Python with these words, in the root of the project, with a path for modules."""
     return subprocess.run(
-        [sys.executable, *words],
+        [executable, *words],
         cwd=pathlib.Path(__file__).resolve().parents[2],
         capture_output=True,
         text=True,
@@ -467,6 +467,13 @@ def test_a_package_that_is_missing_costs_a_line(tmp_path, missing, package, word
         f"{name}: the Python package {missing} is missing; install it with: sudo apt install python3-{missing}, "
         f"or: pip install {package}\n"
     )
+
+
+def test_pip_is_not_named_to_a_program_of_the_systems_own_python(tmp_path):
+    """As a node is: what pip installs into an environment that is active does not reach it."""
+    (tmp_path / "click.py").write_text("raise ModuleNotFoundError('No module', name='click')\n")
+    done = python("-m", "mrl_driver", path=tmp_path, executable=f"{sys.base_prefix}/bin/python3")
+    assert done.stderr.endswith("is missing; install it with: sudo apt install python3-click\n")
 
 
 def test_a_package_of_ros_has_a_hyphen_for_an_underscore_and_is_not_one_of_pip(tmp_path):
