@@ -148,6 +148,11 @@ def test_the_delay_is_that_of_the_newest_command(sent, echoed, now_s, delay_s):
     assert delay_text(delay.delay_s(now_s)) == "unknown"
 
 
+@pytest.mark.parametrize("delay_s, words", [(0.25, "250 ms"), (1.5, "1.5 s")])
+def test_a_delay_is_in_milliseconds_below_a_second(delay_s, words):
+    assert delay_text(delay_s) == words
+
+
 def test_no_more_than_a_thousand_commands_wait_for_their_echo():
     delay = EchoDelay()
     for stamp_s in range(1001):
