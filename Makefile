@@ -89,11 +89,12 @@ INSTALLED := $(shell dpkg-query -W -f='$${db:Status-Abbrev}$${Package}\n' $(NEED
 MISSING := $(if $(shell command -v dpkg-query),$(filter-out $(INSTALLED),$(NEEDED)))
 APT_GET := $(SUDO) env DEBIAN_FRONTEND=noninteractive LC_ALL=C apt-get -yq -o DPkg::Lock::Timeout=120
 APT_LOG := build/apt.log
-# Of what apt says, one line that counts on in a terminal; the rest goes to APT_LOG.
-PROGRESS = -o Dpkg::Use-Pty=0 -o APT::Status-Fd=1 2>&1 | { while IFS=: read -r kind package percent text; do case $$kind in \
+# Of what apt says, one line that counts on in a terminal; the rest goes to APT_LOG.  With Dpkg::Use-Pty=0 beside it, packages'
+# scripts would have no output, and fontconfig's fails without.
+PROGRESS = -o APT::Status-Fd=1 2>&1 | { while IFS=: read -r kind package percent text; do case $$kind in \
   dlstatus|pmstatus) [ ! -t 1 ] || printf '\r\033[K%3d %% %.60s' "$${percent%%.*}" "$$text" ;; \
   *) echo "$$kind:$$package:$$percent:$$text" >>$(APT_LOG) ;; esac; done; [ ! -t 1 ] || printf '\r\033[K'; }
-APT_FAILED = { grep '^E: ' $(APT_LOG) | tail -n 2 >&2; echo "make: $(1); run the same command again; all that apt said: $(APT_LOG)" >&2; exit 1; }
+APT_FAILED = { grep -E '^(E: |dpkg: error)' $(APT_LOG) | tail -n 3 >&2; echo "make: $(1); run the same command again; all that apt said: $(APT_LOG)" >&2; exit 1; }
 REFUSE = { echo "make: got $(1), expected $(2)" >&2; exit 1; }
 .PHONY: apt
 apt:
@@ -111,7 +112,7 @@ ifneq ($(MISSING),)
 	@mkdir -p build && rm -f $(APT_LOG)
 	@$(APT_GET) update 2>&1 | tee $(APT_LOG) | grep -E '^(Get|Hit)' >/dev/null || $(call APT_FAILED,apt reached no server: a network is needed)
 	@# An installation that was interrupted is completed.
-	@{ $(APT_GET) check || { $(SUDO) dpkg --configure -a; $(APT_GET) -f install; }; } >>$(APT_LOG) 2>&1 || \
+	@{ [ -z "$$(dpkg --audit)" ] && $(APT_GET) check || { $(SUDO) dpkg --configure -a; $(APT_GET) -f install; }; } >>$(APT_LOG) 2>&1 || \
 	  $(call APT_FAILED,an interrupted installation could not be completed)
 	@sizes=$$($(APT_GET) install --print-uris --no-install-recommends $(MISSING) 2>>$(APT_LOG)) || \
 	  $(call APT_FAILED,apt cannot install these packages; Debian 12 and 13 have them); \

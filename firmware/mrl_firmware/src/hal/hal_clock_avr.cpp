@@ -83,7 +83,7 @@ static void start_timer(uint16_t now) {
     case Clock::pwm_timer2:
       TCCR2A = _BV(WGM21) | _BV(WGM20);  // fast PWM
       TCCR2B = _BV(CS21);                // F_CPU / 8: 2048 cycles a round
-      TCNT2 = now & 1 ? 128 : 0;
+      TCNT2 = static_cast<uint8_t>(now & 1 ? 128 : 0);
       TIFR2 = _BV(TOV2);
       TIMSK2 = _BV(TOIE2);
       clock_base = now & 0xFFFE;

@@ -175,7 +175,7 @@ void ranges_begin(uint8_t timers) {
   const uint16_t before = clock_now();
   uint16_t now = before;
   while (now == before) now = clock_now();
-  count = now & 1 ? 128 : 0;
+  count = static_cast<uint8_t>(now & 1 ? 128 : 0);
   sei();
 }
 
