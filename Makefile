@@ -89,7 +89,7 @@ INSTALLED := $(shell dpkg-query -W -f='$${db:Status-Abbrev}$${Package}\n' $(NEED
 MISSING := $(if $(shell command -v dpkg-query),$(filter-out $(INSTALLED),$(NEEDED)))
 APT_GET := $(SUDO) env DEBIAN_FRONTEND=noninteractive LC_ALL=C apt-get -yq -o DPkg::Lock::Timeout=120
 APT_LOG := build/apt.log
-# Of what apt says, one line that counts on in a terminal; the rest goes to APT_LOG.  With Dpkg::Use-Pty=0 beside it, packages'
+# Of what apt says, one line that counts on in a terminal; the rest goes to APT_LOG.  With Dpkg::Use-Pty=0 next to it, packages'
 # scripts would have no output, and fontconfig's fails without.
 PROGRESS = -o APT::Status-Fd=1 2>&1 | { while IFS=: read -r kind package percent text; do case $$kind in \
   dlstatus|pmstatus) [ ! -t 1 ] || printf '\r\033[K%3d %% %.60s' "$${percent%%.*}" "$$text" ;; \
