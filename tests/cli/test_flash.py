@@ -2,8 +2,8 @@
 
 import json
 import os
+import shlex
 import stat
-import sys
 import termios
 from pathlib import Path
 
@@ -48,10 +48,10 @@ def stand_in(tmp_path, monkeypatch):
         program = tmp_path / "bin" / "avrdude"
         program.parent.mkdir()
         noted = tmp_path / "noted"
+        ends = "exec sleep 30" if "attempt 3" in says else f"exit {code}"
         program.write_text(
-            f"#!{sys.executable}\nimport sys, time\nopen({str(noted)!r}, 'w').write('\\n'.join(sys.argv[1:]))\n"
-            f"sys.stderr.write({says!r})\nsys.stderr.flush()\n"
-            f"time.sleep({30 if 'attempt 3' in says else 0})\nsys.exit({code})\n"
+            f"#!/bin/sh\nprintf '%s\\n' \"$@\" >{shlex.quote(str(noted))}\n"
+            f"printf %s {shlex.quote(says)} >&2\n{ends}\n"
         )
         program.chmod(program.stat().st_mode | stat.S_IXUSR)
         monkeypatch.setenv("PATH", f"{program.parent}{os.pathsep}{os.environ['PATH']}")
