@@ -13,6 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import Callable, Dict, Mapping, Sequence, Tuple
 
+from mrl_driver.errors import ConfigError, MrlError
+from mrl_driver.protocol import table
 from mrl_driver.robot import models
 from mrl_driver.yaml_form import schema_text
 
@@ -40,9 +42,30 @@ FILES: Dict[str, Callable[[], str]] = {
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Write what is stale, or with `--check` only name it; returns the exit code."""
-    files = {name: (ROOT / name, render()) for name, render in FILES.items()}
+    """Write what is stale, or with `--check` only name it; returns the exit code.  An error is one line."""
+    try:
+        _require_unique_rows()
+        files = {name: (ROOT / name, render()) for name, render in FILES.items()}
+    except MrlError as error:
+        sys.stderr.write(f"{error}\n")
+        return error.exit_code
     return write_stale(files, "python -m mrl_driver.generate", arguments)
+
+
+def _require_unique_rows() -> None:
+    """Raise ConfigError unless the commands' codes run from 1 without a gap, and each command has its own name."""
+    codes, names = [row.code for row in table.COMMANDS], [row.name for row in table.COMMANDS]
+    free = min({*range(1, len(codes) + 2)} - {*codes})
+    wrong = [
+        f"{code} {name}"
+        for code, name in zip(codes, names)
+        if not 0 < code <= len(codes) or codes.count(code) + names.count(name) > 2
+    ]
+    if wrong:
+        raise ConfigError(
+            f"{table.__file__}: got {', '.join(wrong)}, expected each code and name once, and codes without a gap: "
+            f"the next free one is {free}"
+        )
 
 
 def write_stale(files: Mapping[str, Tuple[Path, str]], command: str, arguments: Sequence[str]) -> int:

@@ -2,7 +2,11 @@
 
 import re
 
+import pytest
+
+from mrl_driver.errors import ConfigError
 from mrl_driver.generate import render
+from mrl_driver.protocol import table
 from mrl_driver.protocol.table import COMMANDS, FAULTS, PARAMETERS, REASONS
 
 
@@ -21,6 +25,19 @@ def test_stale_file_is_written(monkeypatch, tmp_path):
     monkeypatch.setattr(render, "ROOT", tmp_path)
     monkeypatch.setattr(render, "FILES", {"one": lambda: "text"})
     assert render.main([]) == 0 and (tmp_path / "one").read_text() == "text"
+
+
+@pytest.mark.parametrize(
+    "code, name, free",
+    [(20, "read_air", 63), (0, "read_air", 63), (65, "read_air", 63), (63, "read_dust", 64)],
+)
+def test_row_without_a_code_and_a_name_of_its_own_is_an_error_of_one_line(
+    monkeypatch, capsys, code, name, free
+):
+    monkeypatch.setattr(table, "COMMANDS", (*COMMANDS, COMMANDS[0]._replace(code=code, name=name)))
+    assert render.main([]) == ConfigError.exit_code
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and f"{code} {name}" in error and f"the next free one is {free}\n" in error
 
 
 def test_each_request_has_a_row():

@@ -5,14 +5,6 @@ from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import BY_CODE, BY_NAME, COMMANDS, PARAMETERS
 
 
-def test_codes_run_from_one_without_a_gap():
-    assert [row.code for row in COMMANDS] == list(range(1, len(COMMANDS) + 1))
-
-
-def test_names_are_unique():
-    assert len({row.name for row in COMMANDS}) == len(COMMANDS)
-
-
 def test_every_field_fits_int16():
     fields = [field for row in COMMANDS for field in row.request + row.reply]
     assert all(-32768 <= field.low <= field.high <= 32767 for field in fields)
