@@ -1,5 +1,6 @@
 """YAML files that users write: each fault is an error in one line, with the file and, if known, the line number."""
 
+import re
 from functools import lru_cache
 from typing import Any, Container, Dict, List, Mapping, Optional, Sequence, Tuple
 
@@ -12,6 +13,8 @@ _LONGEST = 1 << 19
 _LONGEST_NUMBER = 500
 """Longest number, date and so on accepted [characters]: Python takes long to read very long ones, or refuses."""
 _STRING = "tag:yaml.org,2002:str"
+_NOT_DECIMAL = re.compile(r"[-+]?0[0-9_]+|.*:.*")
+"""Numbers in base 8 and 60, such as 0700 (448) and 7:17 (437): nobody means them, and YAML 1.2 has neither."""
 _MOST_VALUES = 1 << 20  # most values accepted, with those behind an alias counted each time it stands
 _MOST_SHOWN = 80  # longest value or key in a message [characters]
 
@@ -100,7 +103,12 @@ def _loader() -> Any:
             if scalar and len(node.value) > _LONGEST_NUMBER:
                 raise _fault(node, f"{len(node.value)} characters are too many for {node.tag}")
             try:
-                return super().construct_object(node, deep=deep)
+                found = super().construct_object(node, deep=deep)
+                if isinstance(found, (int, float)) and _NOT_DECIMAL.fullmatch(node.value):
+                    raise _fault(
+                        node, f"{node.value} means {found:g} in base 8 or 60, expected a decimal number"
+                    )
+                return found
             except yaml.YAMLError:
                 raise
             except Exception:  # noqa: BLE001 - the constructors of tags raise whatever comes

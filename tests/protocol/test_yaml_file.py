@@ -42,6 +42,15 @@ def test_a_number_beyond_all_sense(tmp_path, digits):
     assert "characters are too many for tag:yaml.org,2002:int" in fault_of(tmp_path, f"name: {digits}")
 
 
+@pytest.mark.parametrize(
+    ("digits", "meaning"), [("0700", "448"), ("-012", "-10"), ("7:17", "437"), ("1:30.5", "90.5")]
+)
+def test_a_number_that_is_not_decimal(tmp_path, digits, meaning):
+    """A pin 010 was pin 8, and gains of 0700 were 448."""
+    words = f"{digits} means {meaning} in base 8 or 60, expected a decimal number"
+    assert fault_of(tmp_path, f"name: one\nkp: {digits}\n") == f"line 2: no YAML: {words}"
+
+
 @pytest.mark.parametrize("text", ["name: a\nids: [1]\nname: b\n", "drive: {}\nsonars:\n  x: 1\n  x: 1\n"])
 def test_a_key_that_stands_twice(tmp_path, text):
     line = len(text.splitlines())
