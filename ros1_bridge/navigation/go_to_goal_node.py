@@ -252,7 +252,12 @@ class GoToGoal:
             rate.sleep()
         self._cmd_vel.publish(Twist())
         if seeker.reached:
-            rospy.loginfo(f"goal reached: x {target.x_m:.3f} m, y {target.y_m:.3f} m")
+            assert self._odometry is not None
+            x_m, y_m, yaw_rad = planar(self._odometry.pose.pose).relative_to(target)
+            rospy.loginfo(
+                f"goal reached: x {target.x_m:.3f} m, y {target.y_m:.3f} m; the robot is {math.hypot(x_m, y_m):.3f} m "
+                f"and {abs(math.degrees(yaw_rad)):.1f} deg off"
+            )
             self._server.set_succeeded(MoveBaseResult(), "reached")
             return
         why = "the node ends" if self._ending.is_set() else gap.why

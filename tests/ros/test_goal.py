@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 import signal
 from types import SimpleNamespace
 
@@ -33,7 +34,7 @@ from .rig import START_S, values_of
 from .tables import Offered, first_two, table
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
-PLACE_M = 0.06
+PLACE_M, STEP_M = 0.06, 0.01
 SUCCEEDED = actionlib.GoalStatus.SUCCEEDED
 UNDER_WAY = (actionlib.GoalStatus.PENDING, actionlib.GoalStatus.ACTIVE)
 
@@ -126,7 +127,9 @@ def test_client_of_move_base_reaches_its_goal_which_is_logged(robot):
     state = robot.client.send_goal_and_wait(MoveBaseGoal(target), rospy.Duration(START_S))
     assert state == SUCCEEDED, robot.client.get_goal_status_text()
     assert distance(robot, 0.187, 0.0) < PLACE_M
-    wait_until(lambda: any("goal reached: x 0.187 m" in line for line in robot.seeker.output()))
+    said = re.compile(r"goal reached: x 0.187 m, .*; the robot is (.*) m and (.*) deg off")
+    off_m, off_deg = map(float, wait_until(lambda: said.search("\n".join(robot.seeker.output()))).groups())
+    assert off_m == pytest.approx(distance(robot, 0.187, 0.0), abs=STEP_M) and off_deg <= 3.0
 
 
 @pytest.mark.parametrize(
