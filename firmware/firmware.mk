@@ -21,6 +21,8 @@ FW_CXX := -std=gnu++11 -fno-exceptions -fno-threadsafe-statics
 FW_CORE := hooks.c wiring.c main.cpp
 FW_HEADERS := $(wildcard $(FW_SOURCE)/*.h $(FW_SOURCE)/src/*/*.h)
 FW_CPP := $(sort $(wildcard $(FW_SOURCE)/src/*/*.cpp))
+# A folder is newer than what was linked when one of its files has been removed.
+FW_FOLDERS := $(wildcard $(FW_SOURCE)/src/*)
 FW_PARTS := mrl_firmware.ino $(FW_CPP:$(FW_SOURCE)/%=%)
 
 PC_BUILD := build/pc
@@ -50,8 +52,8 @@ $$(FW_BUILD)/$(1).o/%.ino.o: $$(FW_SOURCE)/%.ino $$(FW_HEADERS) firmware/firmwar
 	@mkdir -p $$(@D)
 	@avr-g++ $$(FW_BOARD_$(3)) $$(FW_FLAGS) $$(FW_CXX) $$(FW_WARNINGS) $(2) -x c++ -include Arduino.h -c $$< -o $$@
 
-$$(FW_BUILD)/$(1).elf: $$(FW_OBJECTS_$(1)) $$(FW_BUILD)/core_$(3)/core.a
-	@set -o pipefail; avr-gcc $$(FW_BOARD_$(3)) $(FW_LINK) $$^ -lm -o $$@.new 2>&1 | $(FW_MISSING) >&2
+$$(FW_BUILD)/$(1).elf: $$(FW_OBJECTS_$(1)) $$(FW_BUILD)/core_$(3)/core.a $$(FW_FOLDERS)
+	@set -o pipefail; avr-gcc $$(FW_BOARD_$(3)) $(FW_LINK) $$(filter %.o %.a,$$^) -lm -o $$@.new 2>&1 | $(FW_MISSING) >&2
 	@avr-objcopy -O ihex -R .eeprom $$@.new $$(FW_BUILD)/$(1).hex
 	@mv $$@.new $$@
 	@avr-size -B $$@ | awk $$(FW_MEMORY_$(3)) 'NR == 2 { printf "%-28s flash %5d of %d, SRAM %4d of %d bytes before the stack\n", \
@@ -99,7 +101,7 @@ $(PC_BUILD)/libmrl_firmware_xbee.so: PC_DEFINES := -DMRL_XBEE=1
 $(PC_BUILD)/libmrl_firmware_hbridge.so: PC_DEFINES := -DMRL_BRIDGE=1
 $(PC_BUILD)/libmrl_firmware_virtual.so: PC_DEFINES := -DMRL_BRIDGE=1 -DMRL_VIRTUAL=1
 $(PC_BUILD)/libmrl_firmware_hbridge_mega.so: PC_DEFINES := -DMRL_BRIDGE=1 -DMRL_MEGA=1
-$(PC_LIBRARIES): $(PC_SOURCES) $(FW_HEADERS) $(PC_HEADERS) firmware/firmware.mk | apt
+$(PC_LIBRARIES): $(PC_SOURCES) $(FW_FOLDERS) $(FW_HEADERS) $(PC_HEADERS) firmware/firmware.mk | apt
 	@mkdir -p $(@D)
 	@g++ $(PC_CXX) $(PC_DEFINES) -shared -fPIC $(PC_SOURCES) -o $@.new && mv $@.new $@
 
@@ -107,7 +109,7 @@ $(PC_LIBRARIES): $(PC_SOURCES) $(FW_HEADERS) $(PC_HEADERS) firmware/firmware.mk 
 # undefined-behaviour sanitizers.
 FUZZ_SOURCES = $(PC_SOURCES) tests/firmware/fuzz.cpp
 FUZZ_NEEDS = $(FW_HEADERS) $(PC_HEADERS) firmware/firmware.mk
-vpath %.cpp $(sort $(dir $(FW_CPP))) tests/firmware
+vpath %.cpp $(FW_FOLDERS) tests/firmware
 
 # $(1) what is behind the name of the image, $(2) its defines
 define FUZZ_IMAGE
@@ -117,10 +119,10 @@ $$(PC_BUILD)/fuzz$(1).o/%.o: %.cpp $$(FUZZ_NEEDS) | apt
 	@mkdir -p $$(@D)
 	@clang++ $$(PC_CXX) $(2) -fsanitize=fuzzer-no-link,undefined -fsanitize-trap=undefined -c $$< -o $$@
 
-$$(PC_BUILD)/fuzz_firmware$(1): $$(patsubst %.cpp,$$(PC_BUILD)/fuzz$(1).o/%.o,$$(notdir $$(FUZZ_SOURCES)))
-	@clang++ -fsanitize=fuzzer $$^ -o $$@.new && mv $$@.new $$@
+$$(PC_BUILD)/fuzz_firmware$(1): $$(patsubst %.cpp,$$(PC_BUILD)/fuzz$(1).o/%.o,$$(notdir $$(FUZZ_SOURCES))) $$(FW_FOLDERS)
+	@clang++ -fsanitize=fuzzer $$(filter %.o,$$^) -o $$@.new && mv $$@.new $$@
 
-$$(PC_BUILD)/checked_firmware$(1): $$(FUZZ_SOURCES) $$(FUZZ_NEEDS) tests/firmware/replay.cpp | apt
+$$(PC_BUILD)/checked_firmware$(1): $$(FUZZ_SOURCES) $$(FW_FOLDERS) $$(FUZZ_NEEDS) tests/firmware/replay.cpp | apt
 	@mkdir -p $$(@D)
 	@g++ $$(PC_CXX) $(2) -fsanitize=address,undefined -fno-sanitize-recover=all $$(FUZZ_SOURCES) \
 	  tests/firmware/replay.cpp -o $$@.new && mv $$@.new $$@

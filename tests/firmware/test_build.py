@@ -154,6 +154,12 @@ def test_nothing_is_built_twice():
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize("binary", ["firmware/mrl_firmware.elf", "pc/libmrl_firmware.so"])
+def test_removed_source_is_noticed(binary):
+    """Its folder is newer then."""
+    assert run("make", "-q", "-W", "firmware/mrl_firmware/src/motors", f"build/{binary}").returncode == 1
+
+
 APT_GET = """#!/bin/sh
 case "$*" in
   update) echo {update} ;;
