@@ -91,9 +91,9 @@ APT_GET := $(SUDO) env DEBIAN_FRONTEND=noninteractive LC_ALL=C apt-get -yq -o DP
 APT_LOG := build/apt.log
 # Of what apt says, one line that counts on in a terminal; the rest goes to APT_LOG.  With Dpkg::Use-Pty=0 next to it, packages'
 # scripts would have no output, and fontconfig's fails without.
-PROGRESS = -o APT::Status-Fd=1 2>&1 | { while IFS=: read -r kind package percent text; do case $$kind in \
+PROGRESS = -o APT::Status-Fd=1 2>&1 | { while IFS= read -r line; do IFS=: read -r kind _ percent text <<<"$$line"; case $$kind in \
   dlstatus|pmstatus) [ ! -t 1 ] || printf '\r\033[K%3d %% %.60s' "$${percent%%.*}" "$$text" ;; \
-  *) echo "$$kind:$$package:$$percent:$$text" >>$(APT_LOG) ;; esac; done; [ ! -t 1 ] || printf '\r\033[K'; }
+  *) echo "$$line" >>$(APT_LOG) ;; esac; done; [ ! -t 1 ] || printf '\r\033[K'; }
 APT_FAILED = { grep -E '^(E: |dpkg: error)' $(APT_LOG) | tail -n 3 >&2; echo "make: $(1); run the same command again; all that apt said: $(APT_LOG)" >&2; exit 1; }
 REFUSE = { echo "make: got $(1), expected $(2)" >&2; exit 1; }
 .PHONY: apt

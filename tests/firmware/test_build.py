@@ -205,6 +205,16 @@ def test_what_keeps_packages_from_being_installed_is_said_in_one_line(tmp_path, 
     assert len(said) == 1 and words in said[0]
 
 
+def test_log_has_what_apt_says_without_its_progress(tmp_path):
+    apt_get = tmp_path / "apt-get"
+    said = "install*) printf 'Setting up a: b\\npmstatus:a:50.0:half\\nDone\\n';"
+    apt_get.write_text(APT_GET.format(update="Hit:1", sizes="After this").replace("install*)", said))
+    apt_get.chmod(0o755)
+    apt_in(tmp_path / "clone", f"APT_GET={apt_get}")
+    log = (tmp_path / "clone" / "build" / "apt.log").read_text()
+    assert log.splitlines()[-2:] == ["Setting up a: b", "Done"]
+
+
 def test_make_test_installs_what_it_needs_and_no_more():
     """The makes that it starts do not ask for the packages of `make test-all`."""
     said = run("make", "-n", "test", "MISSING=$(NEEDED)", "RUN=:").stdout
