@@ -278,8 +278,8 @@ def require_inputs(model: RobotModel, place: str) -> None:
             raise ConfigError(f"{place}sonars.{name} is on the input {given}, as sonars.{users[given]}")
         there, types = wired_types(model.board, given)
         if not types:
-            pins = f"{given}_trigger and {given}_echo, or for an analog sensor the second one alone"
-            pins = f"sonar_{given}" if given in SONARS else pins
+            of_range = f"{given}_trigger and {given}_echo, or for an analog sensor {given}_echo alone"
+            pins = f"sonar_{given}" if given in SONARS else of_range
             raise ConfigError(
                 f"{place}sonars.{name} is on the input {given}, which has no pins: add to the section wiring {pins}"
             )
