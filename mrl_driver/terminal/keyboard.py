@@ -1,6 +1,7 @@
 """Reading single keys from a terminal, without Enter."""
 
 import os
+import re
 import select
 import sys
 import termios
@@ -8,19 +9,22 @@ import time
 import tty
 from typing import Any, List, Optional
 
+_KEY = re.compile(rb"\x1b(?:O[ -~]|\[[0-?]*[ -/]*[@-~])|.", re.DOTALL)
+"""A key is a byte, or a sequence such as `ESC [ D` (left) and `ESC [ 1 ; 2 D` (left with Shift)."""
+_BEGUN = re.compile(rb"\x1b(?:O|\[[0-?]*[ -/]*)\Z")
+_ESCAPE_S = 0.05  # the rest of a sequence arrives within this time after its ESC, or the key is Escape [s]
 _ARROWS = {b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "left"}
 _NO_KEY = b"\0"  # POSIX's _POSIX_VDISABLE on Linux
 _NAMES = {b" ": "space", b"\x1b": "escape"}
 
 
 def split(data: bytes) -> List[str]:
-    """Return the names of the keys in a terminal's bytes: `up down left right space escape`, or the letter."""
-    keys = []
-    while data:
-        size = 3 if data[:3].replace(b"\x1bO", b"\x1b[") in _ARROWS else 1
-        key, data = data[:size].replace(b"\x1bO", b"\x1b["), data[size:]
-        keys.append(_ARROWS.get(key) or _NAMES.get(key) or key.decode("ascii", "replace").lower())
-    return keys
+    """Return the names of the keys in a terminal's bytes: `up down left right space escape`, or the letter.
+
+    Other keys with a sequence, such as Home, keep it as their name: no letter of it is a key.
+    """
+    keys = (key.replace(b"\x1bO", b"\x1b[") for key in _KEY.findall(data))
+    return [_ARROWS.get(key) or _NAMES.get(key) or key.decode("ascii", "replace").lower() for key in keys]
 
 
 class Keyboard:
@@ -38,6 +42,7 @@ class Keyboard:
         self.pressed_s = self._looked_s = time.monotonic()
         self._fds = [sys.stdin.fileno()] if sys.stdin.isatty() else []
         self._settings: Optional[List[Any]] = None
+        self._begun = b""  # a sequence whose rest has not arrived
 
     def __enter__(self) -> "Keyboard":
         for fd in self._fds:
@@ -59,6 +64,18 @@ class Keyboard:
         if not ready:
             ready, _, _ = select.select(self._fds, [], [], timeout_s)
             self.pressed_s = time.monotonic()
-        keys = split(os.read(ready[0], 64)) or ["q"] if ready else []
+        keys = self._keys(ready[0]) if ready else []
         self._looked_s = time.monotonic()
         return keys
+
+    def _keys(self, fd: int) -> List[str]:
+        """Return the keys whose bytes have arrived; a sequence may be cut, by `os.read` or by a slow network."""
+        data = os.read(fd, 64)
+        if not data:
+            return ["q"]
+        data = self._begun + data
+        if data.endswith(b"\x1b") and select.select([fd], [], [], _ESCAPE_S)[0]:
+            data += os.read(fd, 64)
+        begun = _BEGUN.search(data)
+        self._begun = begun[0] if begun else b""
+        return split(data[: len(data) - len(self._begun)])

@@ -151,18 +151,44 @@ def test_keys_that_waited_too_long_do_not_drive(delayed):
     assert driver.command is None and "above the limit" in screen.shown(driver.now_s).notice
 
 
-def test_a_key_that_waited_counts_from_the_look_before(monkeypatch):
-    """It may have been pressed at any time since then."""
+@pytest.fixture
+def terminal(monkeypatch):
+    """The end of a terminal at which a person writes; the program reads the other one."""
     user, program = pty.openpty()
     monkeypatch.setattr("sys.stdin", SimpleNamespace(fileno=lambda: program, isatty=lambda: True))
+
+    def write(keys):
+        os.write(user, keys)
+        wait_until(lambda: select.select([program], [], [], 0)[0])
+
+    yield write
+    for end in (user, program):
+        os.close(end)
+
+
+def test_a_key_that_waited_counts_from_the_look_before(terminal):
+    """It may have been pressed at any time since then."""
     with Keyboard() as keyboard:
         keyboard.read(0.0)
         before_s = time.monotonic()
-        os.write(user, b"w")
-        wait_until(lambda: select.select([program], [], [], 0)[0])
+        terminal(b"w")
         assert keyboard.read(1.0) == ["w"] and keyboard.pressed_s <= before_s
-    for end in (user, program):
-        os.close(end)
+
+
+def test_an_arrow_in_two_parts_is_no_other_key(terminal):
+    """The ESC of `ESC [ D`, left, was the key Escape, which ends the program, and the D was d: right."""
+    with Keyboard() as keyboard:
+        terminal(b"\x1b[")
+        assert keyboard.read(1.0) == []
+        terminal(b"D")
+        assert keyboard.read(1.0) == ["left"]
+
+
+def test_arrows_that_waited_do_not_end_the_program(terminal):
+    """The last one that is read at once is cut; its ESC was the key Escape."""
+    with Keyboard() as keyboard:
+        terminal(b"\x1b[A" * 30)
+        assert keyboard.read(1.0) + keyboard.read(0.0) == ["up"] * 30
 
 
 def test_the_view_drives_by_the_times_of_the_presses(monkeypatch):
