@@ -331,7 +331,9 @@ def denied(port: str) -> str:
 
 
 def busy(port: str, holder: str, more: str = "") -> PortBusy:
-    """Return the error for a port that another program has open."""
+    """Return the error for a port that another program has open, or this one."""
+    if holder.endswith(f"(process {os.getpid()})"):
+        return PortBusy(f"{port} is open in this program already; close what has it open, such as a Driver")
     return PortBusy(
         f"{port} is in use by {holder or 'another program'}{more}; end that program, or choose another port"
     )

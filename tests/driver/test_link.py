@@ -284,11 +284,19 @@ def test_a_port_that_cannot_be_marked_exclusive_is_used_without_the_mark(pty, mo
     assert os.read(pty[0], 64) == b"@5e"
 
 
-def test_a_second_program_is_refused_by_name(pty):
-    link = SerialLink(pty[1])
-    with pytest.raises(PortBusy, match=rf"^{pty[1]} is in use by .*\(process {os.getpid()}\); end that"):
+def test_a_second_program_is_refused_by_name(pty, monkeypatch):
+    with contextlib.closing(SerialLink(pty[1])):
+        holder = os.getpid()
+        monkeypatch.setattr("os.getpid", lambda: 1)
+        with pytest.raises(PortBusy, match=rf"^{pty[1]} is in use by .*\(process {holder}\); end that"):
+            SerialLink(pty[1])
+
+
+def test_a_program_is_not_told_to_end_itself(pty):
+    """As in a notebook, whose cell is run twice."""
+    words = f"^{pty[1]} is open in this program already; close "
+    with contextlib.closing(SerialLink(pty[1])), pytest.raises(PortBusy, match=words):
         SerialLink(pty[1])
-    link.close()
 
 
 @pytest.mark.parametrize(
