@@ -1,8 +1,8 @@
 """The tier of a test, decided by what its file and its fixtures' files import.
 
 `quick` is pure: no process, no port, no ROS, no compiler but g++ for the firmware's PC build.  `test` adds processes,
-ports and documents; of ROS, the firmware's image and the browser it has the files named `test_one_drive.py`.  `all`
-is everything.
+ports, documents and whole calibrations; of ROS, the firmware's image and the browser it has the files named
+`test_one_drive.py`.  `all` is everything.
 """
 
 import functools
@@ -22,7 +22,14 @@ FOREIGN = re.compile(
 """What pip does not install for the quick tier; a file that imports one of these is not even imported there."""
 CHIP = re.compile(r"sim_arduino\.(avr|board\.avr_board)")
 OUTSIDE = re.compile(r"(subprocess|matplotlib|pty|socket|multiprocessing|sim_arduino\.(serve|testing))(\.|$)")
-FOLDERS = {"cli": TEST, "experiments": TEST, "documents": TEST, "packaging": ALL, "long": ALL}
+FOLDERS = {
+    "cli": TEST,
+    "calibration": TEST,
+    "experiments": TEST,
+    "documents": TEST,
+    "packaging": ALL,
+    "long": ALL,
+}
 ENGINES = {"python": QUICK, "pc": QUICK, "avr": ALL}
 """Parameters named `engine` decide alone: files of the conformance tests import every engine."""
 IMPORT = re.compile(
