@@ -9,6 +9,7 @@ from typing import Any, Callable, Optional, Sequence, Union
 
 import rosgraph
 import rospy
+from rospy.impl.registration import get_registration_listeners
 
 from mrl_driver.errors import ConfigError, MrlError
 
@@ -47,6 +48,8 @@ def _run_node(name: str, parameters: Any, run: Callable[[Any], Optional[int]], r
     try:
         await_master(rosgraph.get_master_uri(), rospy.logwarn)
         rospy.init_node(name, disable_signals=True)
+        # A node that has taken this one's name ends it, and would be ended by what this one registers after that.
+        rospy.on_shutdown(get_registration_listeners().clear)
         _end_on_signals()
         space = rospy.get_name()
         found = rospy.get_param(space, {})

@@ -8,6 +8,7 @@ import select
 import signal
 import socket
 import subprocess
+import sys
 import threading
 import time
 import tty
@@ -122,10 +123,10 @@ def test_node_takes_over_from_one_of_the_same_name(rig):
 
 
 class SlowMaster:
-    """Passes calls on to a ROS master; answers `method` only after `answers` is set."""
+    """Passes calls on to a ROS master and keeps them; answers `method` only after `answers` is set."""
 
     def __init__(self, uri, method):
-        self._uri, self._method = uri, method
+        self._uri, self._method, self.calls = uri, method, []
         self.called, self.answers = threading.Event(), threading.Event()
         self._server = ThreadingXMLRPCServer(("127.0.0.1", 0), log_requests=False)
         self._server.register_instance(self)
@@ -134,6 +135,7 @@ class SlowMaster:
         self._thread.start()
 
     def _dispatch(self, method, params):
+        self.calls.append((method, params))
         if method == self._method:
             self.called.set()
             assert self.answers.wait(PATIENCE_S)
@@ -169,6 +171,29 @@ def test_signal_while_a_node_waits_for_the_master_ends_it(rig, slow_master, name
     assert node.wait(START_S)
     assert node.exit_code == 0, node.output()
     assert not any("Traceback" in line for line in node.output())
+
+
+LATE = """
+import rospy
+from std_msgs.msg import Empty
+from ros1_bridge.node.run_node import node
+
+def run(given):
+    rospy.Publisher("early", Empty, queue_size=1)
+    rospy.on_shutdown(lambda: rospy.Publisher("late", Empty, queue_size=1))
+    rospy.signal_shutdown("the test has begun")
+
+node("late", (), run)()
+"""
+
+
+def test_node_registers_nothing_from_the_begin_of_its_end(rig, slow_master):
+    """If another node of its name is there, it is told to end, and a registration would end that one."""
+    slow_master.answers.set()
+    node = rig.start("late", sys.executable, "-c", LATE)
+    assert node.wait(START_S) and node.exit_code == 0, node.output()
+    registered = [params[1] for method, params in slow_master.calls if method == "registerPublisher"]
+    assert "/early" in registered and "/late" not in registered
 
 
 @pytest.fixture
