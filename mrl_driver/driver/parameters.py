@@ -39,7 +39,7 @@ class Parameters:
 
     Raises:
         BoardRefused: the board does not have a parameter, stores no configuration, refused a value, could not save
-            it, or restarted before saving.
+            it, or restarted meanwhile.
         BoardTimeout: the board does not reply.
     """
 
@@ -107,7 +107,7 @@ class Parameters:
         return {name: self._connection.ask(_READ, PARAMETER_BY_NAME[name].number)[1] for name in names}
 
     def write(self, values: Mapping[str, int]) -> None:
-        """Set parameters until the board restarts.
+        """Set parameters until the board restarts, and check them: if it restarts meanwhile, it has some of before.
 
         A board whose pins change has no bridge meanwhile, so that it never drives with half of a wiring.
         """
@@ -121,6 +121,7 @@ class Parameters:
             number = PARAMETER_BY_NAME[name].number
             if self._connection.ask(_WRITE, number, value) != (number, value):
                 raise BoardRefused(f"the board refused {name} {value}; nothing was saved")
+        self._require_values(values)
 
     def save(self) -> None:
         """Save the parameters in force to the EEPROM."""
@@ -159,11 +160,11 @@ class Parameters:
             raise
         if saved:
             self.save()
-        self._require_values(values)
+            self._require_values(values)
 
     def _require_values(self, values: Mapping[str, int]) -> None:
         for name, found in self.read(*values).items():
             if found != values[name]:
                 raise BoardRefused(
-                    f"the board has {name} {found}, expected {values[name]}: it restarted before saving; try again"
+                    f"the board has {name} {found}, expected {values[name]}: it restarted meanwhile; try again"
                 )

@@ -15,10 +15,11 @@ from mrl_driver.apps.calibration.wiring_check import BITS
 from mrl_driver.driver import parameter_file
 from mrl_driver.driver.parameter_file import SETTABLE, ParameterFile
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import BoardTimeout
+from mrl_driver.errors import BoardRefused, BoardTimeout
 from mrl_driver.host import named_robots
 from mrl_driver.protocol.table import BRIDGES, PARAMETERS
 from mrl_driver.robot import models, wiring
+from mrl_driver.session.events import Reply
 from mrl_driver.transport.port_info import Port
 from sim_arduino.board import handlers
 from sim_arduino.serve import factory
@@ -184,6 +185,16 @@ def test_a_refused_parameter_puts_those_before_it_back(monkeypatch):
     with SteppedDriver(factory.make(factory.Options(robot="traxbot")).engine) as driver:
         with pytest.raises(BoardTimeout):
             driver.parameters.replace({"kp": 800, "ki": 900})
+        assert driver.parameters.read("kp", "ki") == {"kp": 700, "ki": 400}
+
+
+def test_a_restart_between_two_parameters_saves_no_mixture():
+    engine = factory.make(factory.Options(robot="traxbot")).engine
+    with SteppedDriver(engine) as driver:
+        driver.on_event(lambda event: isinstance(event, Reply) and 800 in event.frame.args and engine.reset())
+        with pytest.raises(BoardRefused, match="has kp 700, expected 800"):
+            driver.parameters.replace({"kp": 800, "ki": 900})
+        engine.reset()
         assert driver.parameters.read("kp", "ki") == {"kp": 700, "ki": 400}
 
 

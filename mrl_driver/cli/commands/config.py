@@ -82,9 +82,7 @@ def set_(run: Run, words: Tuple[str, ...], only_try: bool) -> None:
     with _connected(run) as driver:
         changes = _changes(driver.parameters.read(*wanted), wanted)
         run.confirm(f"Change {changes} on robot {driver.board.robot_id}?")
-        driver.parameters.write(wanted)
-        if not only_try:
-            driver.parameters.save()
+        driver.parameters.replace(wanted, saved=not only_try)
         values = _values(driver, [PARAMETER_BY_NAME[name] for name in wanted])
     run.print(values, f"{changes}: {_kept(only_try)}")
 

@@ -154,8 +154,7 @@ class Job(NamedTuple):
         listed = ", ".join(f"{name} {value}" for name, value in wanted.items())
         question = f"Write {listed} to the board's EEPROM?"
         if self.eeprom or (sys.stdin.isatty() and click.confirm(question, err=True)):
-            driver.parameters.write(wanted)
-            driver.parameters.save()
+            driver.parameters.replace(wanted)
             shared.print_message(f"the board's EEPROM has {listed}")
 
 
