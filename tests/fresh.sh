@@ -138,7 +138,7 @@ inside() { # RELEASE WAY TREE ARCHIVES
   do_in() { "${enter[@]}" "${as[@]}" "${env[@]}" sh -c "cd '$clone' && $1"; }
 
   if [ "$way" = root ] && do_in "apt-get update -q" >"$log-apt.log" 2>&1 </dev/null; then
-    for line in pip run test; do apt_sizes $line >"$log-$line-$ARCH.sizes" 2>&1 </dev/null || true; done
+    for line in pip run test setup; do apt_sizes $line >"$log-$line-$ARCH.sizes" 2>&1 </dev/null || true; done
   fi
   commands "$release, $way" "$log"
 }
