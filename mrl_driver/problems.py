@@ -88,13 +88,13 @@ wrong_robot: the board is NAME, expected NAME
   also: the board speaks protocol VALUE
   cause: The robot model that you named, or the only one that lists the id, is not that of the board. Distances and
     speeds would be wrong. Or the board calculates its robot (mrl flash --build virtual), and a real one is expected.
-  remedy: name the right model with --robot, or set the board's id with: mrl set-id ID
+  remedy: name the right model with --robot, or set the board's id with: mrl set-id ID --port PORT
 virtual: the robot is virtual: the board calculates it
   cause: The board has the firmware build virtual. It drives in a room that it calculates, and no motor turns.
   remedy: for motors on this board upload another build with: mrl flash --build hbridge --port PORT
 id_unset: No robot id is set
   cause: A new board does not know which robot it is on.
-  remedy: set the id with: mrl set-id ID (TraxBot 1-3, StingBot 4-5, Pioneer 6-10)
+  remedy: set the id with: mrl set-id ID --port PORT (TraxBot 1-3, StingBot 4-5, Pioneer 6-10)
 no_watchdog: 1 (2013): works, but has no watchdog and no checksum
   also: the board has none: it does not stop if this computer fails
   also: board firmware NAME has no watchdog
@@ -121,12 +121,13 @@ bus_hung: The I2C bus hangs
   remedy: check the wires on A4 (SDA) and A5 (SCL), then switch power off and on
 eeprom: The EEPROM configuration was damaged
   cause: The board's parameters did not fit their checksum, so the defaults of the robot's model are in force.
-  remedy: set the parameters that must differ from the model's defaults again: mrl config set NAME VALUE
+  remedy: set the parameters that must differ from the model's defaults again:
+    mrl config set NAME VALUE --port PORT
 wiring: The bridge or its wiring is not set
   cause: A board with an H-bridge does not know its bridge, pins or wires, or a pin cannot do what it is for, or the
     wheels are too slow, or have too few or too many counts, for its control.
   remedy: store the robot's file with: mrl flash --robot FILE, and mrl set-id ID --robot FILE; then run
-    mrl calibrate wiring
+    mrl calibrate wiring --port PORT
 sensor: An environment sensor does not answer
   cause: The sensor has answered since the start, and does not any more.
   remedy: check the I2C wires and power of the thermopile (0x68) and the compass (0x60)
@@ -145,7 +146,7 @@ brown_out: The board restarted because its supply dropped
   remedy: check USB cable and hub, and every other load on the board's 5 V
 firmware_hung: The board's firmware hung and restarted
   cause: The watchdog of the chip restarted the firmware. This is an error of the firmware or of its memory.
-  remedy: report it with: mrl doctor --report
+  remedy: report it with: mrl doctor --report --port PORT
 board_restart: The board restarted while it was in use
   also: stopped: the robot's board restarted
   also: stopped: the robot's board has started
@@ -154,10 +155,12 @@ board_restart: The board restarted while it was in use
 board_stalled: The board was busy for too long
   also: stopped: the robot's board was busy for too long
   cause: The loop of the firmware stood still for 0.25 s, so the board stopped the robot.
-  remedy: check the I2C wires and devices; if the board has none, report it with: mrl doctor --report
+  remedy: check the I2C wires and devices; if the board has none, report it with:
+    mrl doctor --report --port PORT
 board_silent: The board sent nothing for a while
   cause: The board made no telemetry, though the connection was there.
-  remedy: check the board's power, and its I2C wires if it has any; report it with: mrl doctor --report
+  remedy: check the board's power, and its I2C wires if it has any; report it with:
+    mrl doctor --report --port PORT
 debug_text: The board sends text between its frames
   cause: Debug mode is on, or the sketch prints. Text delays telemetry and commands.
   remedy: turn its debug mode off with the request set_debug 0, or remove prints from the sketch
@@ -199,7 +202,7 @@ wheel_fault: a wheel does not follow its command
   also: stopped: a wheel did not follow its command
   also: no wheel turned when the NAME was driven
   cause: A calibration or a drive ended because a wheel or an encoder did not do what was commanded.
-  remedy: check wheels, wires and motor power, then run: mrl doctor --drive
+  remedy: check wheels, wires and motor power, then run: mrl doctor --drive --port PORT
 wheel_blocked: A wheel did not turn at full drive
   also: stopped: a wheel did not turn at full drive
   also: SIDE was blocked or without power
@@ -213,11 +216,11 @@ encoder_dead: An encoder was silent or counted the other direction
   also: stopped: an encoder was silent or counted the other direction
   also: The SIDE encoder was dead
   cause: A wire of the encoder is loose, or the wiring in the board is not that of the robot.
-  remedy: check the encoder's wires, then run: mrl calibrate wiring
+  remedy: check the encoder's wires, then run: mrl calibrate wiring --port PORT
 wheel_reversed: SIDE counted against its command
   also: counts backwards
   cause: The wires of the motor or of its encoder are exchanged.
-  remedy: swap the wires of its encoder or of its motor, not of both; then run: mrl doctor --drive
+  remedy: swap the wires of its encoder or of its motor, not of both; then run: mrl doctor --drive --port PORT
 wheels_swapped: the other wheel's counter moved
   also: its counter is right, but another wheel turned, or this one turned backwards
   also: both counters moved
@@ -229,7 +232,7 @@ wheels_powerless: No wheel turned
 wheels_unchecked: not checked
   also: only the counters were checked
   cause: mrl doctor turns wheels only if you allow it.
-  remedy: lift them off the ground, then run: mrl doctor --drive
+  remedy: lift them off the ground, then run: mrl doctor --drive --port PORT
 encoder_noise: An encoder's signals are disturbed
   also: VALUE transitions skipped a state
   cause: Some transitions skipped a state, which no wheel does: counts are lost or added.
@@ -242,7 +245,7 @@ speed_scale: The robot does not drive as fast as asked
   remedy: compare the robot's YAML with the board's parameters: mrl doctor, mrl config; then: mrl calibrate
 wheel_ratio: The SIDE wheel is larger than the other one
   cause: The gyro shows that the robot turns while the wheels count the same.
-  remedy: check tyres and tracks, then run: mrl calibrate straight
+  remedy: check tyres and tracks, then run: mrl calibrate straight --port PORT
 track_width: The robot does not turn as far as its wheels say
   cause: Wheel separation or wheel size in the model is wrong, or the wheels slip in turns.
   remedy: run mrl calibrate straight, then: mrl calibrate turn
@@ -299,7 +302,7 @@ imu_wrong: The IMU's readings were out of scale
 imu_tilted: The IMU is not upright
   also: gravity is more than 30 deg from the IMU's vertical axis
   cause: Gravity is more than 30 deg from the axis that the robot's file calls vertical.
-  remedy: enter its mounting with: mrl calibrate imu
+  remedy: enter its mounting with: mrl calibrate imu --port PORT
 imu_drift: The gyro drifts
   cause: Its bias changed by more than its temperature explains. The heading turns as fast.
   remedy: let the robot stand for a second now and then; keep the IMU away from heat and vibration; replace it

@@ -229,6 +229,8 @@ def run(wanted: List[List[str]]) -> List[str]:
     for words in wanted:
         result = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
         reason = " ".join(result.stdout.decode(errors="replace").split())
-        failed = f" failed: {reason or result.returncode}" if result.returncode else ""
-        done.append(f"ran {' '.join(words)}{failed}")
+        command = " ".join(words)
+        done.append(
+            f"{command} failed: {reason or result.returncode}" if result.returncode else f"ran {command}"
+        )
     return done

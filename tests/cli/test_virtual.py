@@ -60,7 +60,7 @@ def test_info_and_doctor_say_so_and_advise_nothing_about_cables(bare_board):
     assert by_code["virtual"]["level"] == "note"
     advice = {by_code[code]["advice"] for code in ("sonar_dead", "battery_empty")}
     assert advice == {f"look for a fault that is set: mrl config get virtual_faults --port {bare_board.port}"}
-    assert "--drive" in by_code["wheels_unchecked"]["advice"]
+    assert by_code["wheels_unchecked"]["advice"] == f"run: mrl doctor --drive --port {bare_board.port}"
     assert "virtual duo 23" in mrl("ports", "--probe", bare_board.port).stdout
 
 

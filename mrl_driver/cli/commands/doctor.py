@@ -193,10 +193,11 @@ def _check_motion(driver: "Driver", drives: bool) -> Iterator[Finding]:
     elif model is not None and not model.has_odometry:
         yield unchecked._replace(text="not checked: the motors have no encoders", advice="")
     elif not drives:
-        yield unchecked
+        virtual = driver.board.virtual
+        yield unchecked._replace(advice="run: mrl doctor --drive --port PORT") if virtual else unchecked
     elif model is not None and type(model.drive) is not Drive:
-        text, advice = "not checked: this check supports two wheels", "watch the wheels with: mrl drive"
-        yield unchecked._replace(text=text, advice=advice)
+        text = "not checked: this check supports two wheels"
+        yield unchecked._replace(text=text, advice="watch the wheels with: mrl drive --port PORT")
     else:
         ask = _ask if sys.stdin.isatty() else None
         yield from wheels.check(driver, (lambda question: True) if driver.board.virtual else ask)

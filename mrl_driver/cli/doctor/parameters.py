@@ -112,7 +112,8 @@ def _sonar_curve(values: Mapping[str, int], model: RobotModel) -> Finding:
     words = " ".join(f"{name} {value}" for name, value in expected.items())
     wrong = _percent(share, "short", "long")
     text = f"the curve is not that of the model {model.name}: at {_REFERENCE_M:g} m ranges are {wrong}"
-    advice = f"if the model is right: mrl config set {words} --port PORT; if not: mrl calibrate sonar"
+    change = f"mrl config set {words} --port PORT"
+    advice = f"if the model is right: {change}; if not: mrl calibrate sonar --port PORT"
     return problem(_level(share), "parameters", "sonars", text, advice)
 
 
@@ -132,7 +133,7 @@ def _odometry(values: Mapping[str, int], model: RobotModel) -> List[Finding]:
             "wheels",
             f"drive.{key} of the model {model.name} does not fit the board's geometry: the robot {does} "
             f"{_percent(share, 'slower', 'faster')} than commanded, or odometry is wrong by as much",
-            f"measure it: mrl calibrate {procedure}",
+            f"measure it: mrl calibrate {procedure} --port PORT",
         )
         for key, share, does, procedure in rows
         if abs(share) > CALIBRATED
