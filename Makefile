@@ -23,7 +23,7 @@ PACKAGES_generate := $(PACKAGES_quick)
 CHIP := $(PACKAGES_firmware) gcc libc6-dev libsimavr-dev libelf-dev
 PACKAGES_run := python3-venv python3-serial python3-yaml $(if $(filter avr,$(ENGINE)),$(CHIP))
 PACKAGES_test = $(PACKAGES_flash) $(PACKAGES_run) $(CHIP) g++
-PACKAGES_test-all = $(PACKAGES_test) clang spin rviz libqt5svg5 liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri iproute2 systemd
+PACKAGES_test-all = $(PACKAGES_test) clang spin rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri iproute2 systemd
 
 # A Noetic under /opt/ros comes with all of ROS; Debian's own packages are the real thing elsewhere.
 ifneq ($(wildcard /opt/ros/noetic/setup.bash),)
