@@ -390,6 +390,11 @@ class RecordedDriver(Driver):
             speeds = tuple(round(1000 * speed) for speed in commands.read(frame.args))
         elif frame.code != MOVE:
             return
+        elif commands is not None:
+            speeds = (
+                *speeds,
+                0,
+            )  # of a base that does not move sideways, as that of another robot's recording
         self._core.mismatch = None
         if speeds != motion.target:
             motion.drive(speeds, now)

@@ -325,6 +325,14 @@ def test_a_robot_that_is_given_replaces_the_recorded_one(short, tmp_path):
     assert as_given.model == large and as_given.pose.x_m > as_recorded.pose.x_m + 0.01
 
 
+@pytest.mark.parametrize("name", models.names())
+def test_a_recording_plays_as_that_of_any_robot(short, tmp_path, name):
+    """Also of one whose base moves sideways, though the commands are those of one that does not."""
+    lines, _ = short
+    played, _ = replay(tmp_path / "x.mrl", lines, name)
+    assert played.model.name == name and played.time_s > 0.5
+
+
 def test_a_recording_of_an_unknown_robot_names_its_id(short, tmp_path):
     lines, _ = short
     greeting = [line for line in takewhile(lambda line: "checked" not in line, lines) if " ! " not in line]
