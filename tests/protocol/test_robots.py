@@ -74,6 +74,8 @@ def test_unknown_name_lists_the_known():
 
 WRONG = {
     "traxbot": [
+        ({"name": "lab/one"}, "name is 'lab/one', expected a name of printable characters without /"),
+        ({"name": "one\nline"}, r"name is 'one\\nline', expected a name of printable characters"),
         ({"drive.wheel_separation_m": "wide"}, "drive.wheel_separation_m is 'wide', expected a number from"),
         ({"drive.wheel_separation_m": 180}, "is 180, expected a number from 0.02 to 5 "),
         (

@@ -107,6 +107,16 @@ _RANGES = {
 }
 
 
+class _Name(Text):
+    """A name that can be part of a message and of a file's name; only `read` checks that."""
+
+    def read(self, reader: Reader, key: str, value: Any) -> Any:
+        name = super().read(reader, key, value)
+        if "/" in name or not name.isprintable():
+            raise reader.fail(key, name, "a name of printable characters without /")
+        return name
+
+
 class _Ids(Form):
     """Robot ids, each once."""
 
@@ -394,7 +404,7 @@ class RobotFile(Form):
 
     def _with_motors(self) -> Keys:
         forms = {
-            "name": Text(),
+            "name": _Name(),
             "ids": _Ids(),
             "drive": _Base(),
             "board": _board(),
@@ -415,7 +425,7 @@ class RobotFile(Form):
     def _without_motors(self) -> Keys:
         """A board with `drive: none` has nothing that belongs to motors."""
         build = Choice((ENVIRONMENT,), f"{ENVIRONMENT} for a board without motors (drive: {NONE})")
-        forms = {"name": Text(), "ids": _Ids(), "drive": Choice((NONE,)), "build": build}
+        forms = {"name": _Name(), "ids": _Ids(), "drive": Choice((NONE,)), "build": build}
         return Keys(forms, texts=_TEXTS)
 
     def _take_wiring(self, reader: Reader, found: Dict[str, Any]) -> None:
