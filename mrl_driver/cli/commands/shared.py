@@ -324,7 +324,8 @@ def choose(question: str, choices: Mapping[str, str], option: str) -> str:
     width = max(map(len, choices))
     for word, meaning in choices.items():
         click.echo(f"  {word:<{width}}  {meaning}", err=True)
-    answer: str = click.prompt(question, type=click.Choice(list(choices), case_sensitive=False), err=True)
+    kind = click.Choice(list(choices), case_sensitive=False)
+    answer: str = click.prompt(question, type=kind, show_choices=False, prompt_suffix=" ", err=True)
     return answer.lower()
 
 
