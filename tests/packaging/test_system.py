@@ -211,3 +211,7 @@ def test_unit_finds_the_checkout_although_setup_files_of_ros_replace_the_package
 def test_a_user_whom_the_machine_does_not_know_is_refused_before_anything_is_written(words):
     with pytest.raises(ConfigError, match="user 'nosuchuser' does not exist; give another one with --user"):
         mrl_system("install", "--user", "nosuchuser", *words)
+
+
+def test_a_command_that_failed_is_not_said_to_have_run():
+    assert system_setup.run([["false"], ["true"]]) == ["false failed: 1", "ran true"]
