@@ -58,6 +58,9 @@ _ANSWERS[_CODE[WHEEL_STREAM]] = (_CODE["read_wheels"],)
 _ANSWERS[_CODE["start_stream"]] = (_CODE["read_encoders_and_sonars"], _CODE["read_encoders"])
 
 
+_ENCODERS = {"start_stream": (1, 3), "start_omni_stream": (1, 2, 3)}
+"""Encoders whose counts a stream has.  Each pulse must be one: the motor board keeps what another program has set,
+in an EEPROM that must not be written at each interruption."""
 _WHEELS = {"start_omni_stream": ("omni", "three"), WHEEL_STREAM: ("wiring", "four")}
 """Capability of a board with such a stream, and its number of wheels."""
 
@@ -423,6 +426,8 @@ class Handshake:
             yield (_CODE["read_board"],)
         yield (_CODE["read_status"],)
         if self._plan.stream:
+            for encoder in _ENCODERS.get(self.stream, ()) if self._sure and not self._patient else ():
+                yield (_CODE["set_encoder_prescaler"], encoder, 0)
             yield (_CODE[self.stream], self._plan.period_ms)
 
     def _plain_program(self) -> Iterator[Tuple[int, ...]]:
