@@ -378,6 +378,21 @@ def test_a_calibration_that_ended_between_file_and_board_is_done_by_the_next(tru
     assert stored == workshop.swapped == {name: models.load(path).board[name] for name in stored}
 
 
+def test_a_restart_before_the_pins_are_saved_does_not_save_those_of_before(truck, monkeypatch, capsys):
+    workshop, path = truck
+    write = calibration_files.replace_file
+
+    def write_while_it_restarts(*args):
+        workshop.emulated.engine.brown_out()
+        return write(*args)
+
+    monkeypatch.setattr(calibration_files, "replace_file", write_while_it_restarts)
+    assert calibrate_wiring(capsys, path)[0] == 0
+    workshop.emulated.engine.brown_out()
+    with workshop.robot(path) as robot:
+        assert robot.parameters.read(*workshop.swapped) == workshop.swapped
+
+
 @pytest.mark.parametrize("procedure", ["straight", "turn", "sideways", "umbmark", "sonar"])
 def test_without_encoders_there_is_nothing_to_calibrate_with(procedure, workshop_of, tmp_path, capsys):
     path = without_encoders(tmp_path)

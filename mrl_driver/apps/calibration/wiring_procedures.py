@@ -301,7 +301,7 @@ def _store(
         moved = {name: found[name] for name in pins if found[name] != driver.model.board[name]}
         words = wiring_check.in_words(found["wiring"])
         words += [f"{short(name)} on {pin}" for name, pin in moved.items()]
-        _keep(driver, job, moved)
+        _keep(driver, job, found, moved)
     facts = {"bridge": BRIDGES[number], "wiring": found["wiring"], "differences": words}
     kept = "in force until the board restarts" if job.eeprom is False else "stored in the board's EEPROM"
     listed = ", ".join(words) or "the wires are as in the robot's file"
@@ -325,7 +325,7 @@ def _found(
     return found
 
 
-def _keep(driver: Driver, job: Job, moved: Mapping[str, int]) -> None:
+def _keep(driver: Driver, job: Job, found: Mapping[str, int], moved: Mapping[str, int]) -> None:
     """Write the pins that moved to the robot's file, then the board's EEPROM.
 
     If only the first is done, the next calibration finds the same pins, and does the second.
@@ -336,7 +336,7 @@ def _keep(driver: Driver, job: Job, moved: Mapping[str, int]) -> None:
     if job.eeprom is False:
         return
     try:
-        driver.parameters.save()
+        driver.parameters.replace(found)
     except (MrlError, KeyboardInterrupt):
         if moved:
             print_message(
