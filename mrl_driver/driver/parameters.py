@@ -145,6 +145,7 @@ class Parameters:
         if self._connection.ask(_DEFAULTS) != (1,):
             raise BoardRefused("the board refused to set its defaults; try again")
         self.write({name: value for name, value in values.items() if name != "robot_id"})
+        self._require_values({"robot_id": robot_id})  # a board that has restarted has the id of before
         self.save()
         self._require_values(values)
 
@@ -154,6 +155,7 @@ class Parameters:
         old = self.read(*values)
         try:
             self.write({name: value for name, value in values.items() if value != old[name]})
+            self._require_values(values)  # also those that were in force and not saved
         except BoardError:
             with contextlib.suppress(MrlError):
                 self.write(old)

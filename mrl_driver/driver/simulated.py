@@ -11,10 +11,10 @@ It runs faster than real time, and each run gives exactly the same result.
 """
 
 import math
-from typing import Callable, Optional, Protocol, Tuple, Union, runtime_checkable
+from typing import Callable, Optional, Protocol, Tuple, Union
 
-from mrl_driver.arguments import require_kind
-from mrl_driver.errors import MrlError
+from mrl_driver.arguments import shown
+from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.recording.recording import ENDED
 from mrl_driver.robot.models import RobotModel
@@ -31,7 +31,6 @@ LEAST_STEP_S = 1e-4
 """Shortest step of the board: about one byte on the wire [s]."""
 
 
-@runtime_checkable
 class Stepped(Protocol):
     """A board in simulated time, such as an engine of the emulator."""
 
@@ -183,7 +182,9 @@ class SteppedDriver(Driver):
     def __init__(
         self, stepped: Stepped, robot: Union[str, RobotModel] = "auto", options: Options = DEFAULTS
     ) -> None:
-        require_kind("stepped", stepped, Stepped, "a board in simulated time")
+        # Not isinstance: from Python 3.12 on it does not see what an object passes on to another one.
+        if not all(hasattr(stepped, name) for name in ("receive", "advance", "next_event_s")):
+            raise ConfigError(f"stepped is {shown(stepped)}, expected a board in simulated time")
         board = SteppedLink(stepped, float if options.record is None else whole_us)
         super().__init__(board, robot, options=options._replace(record=None))
         self._connection.record = options.record

@@ -146,6 +146,7 @@ class Handshake:
             capabilities, and after the board has identified itself with a checksum.
         now: time of the start [s].
         patient: never give up; used after a board's restart.
+        counted: the driver has set one count a pulse on this link before.
         timeout_s: time for the first answer [s].
     """
 
@@ -156,9 +157,11 @@ class Handshake:
         admit: Callable[[Board], Optional[str]],
         now: float,
         patient: bool = False,
+        counted: bool = False,
         timeout_s: float = TIMEOUT_S,
     ) -> None:
         self._plan, self._send, self._admit, self._patient = plan, send, admit, patient
+        self._counted = counted
         self._give_up_s = now + timeout_s
         self.due_s = now  # time of the next `tick` [s]
         self.board: Optional[Board] = None
@@ -426,7 +429,7 @@ class Handshake:
             yield (_CODE["read_board"],)
         yield (_CODE["read_status"],)
         if self._plan.stream:
-            for encoder in _ENCODERS.get(self.stream, ()) if self._sure and not self._patient else ():
+            for encoder in _ENCODERS.get(self.stream, ()) if self._sure and not self._counted else ():
                 yield (_CODE["set_encoder_prescaler"], encoder, 0)
             yield (_CODE[self.stream], self._plan.period_ms)
 

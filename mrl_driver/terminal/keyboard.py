@@ -9,9 +9,10 @@ import time
 import tty
 from typing import Any, List, Optional
 
-_KEY = re.compile(rb"\x1b(?:O[ -~]|\[[0-?]*[ -/]*[@-~])|.", re.DOTALL)
-"""A key is a byte, or a sequence such as `ESC [ D` (left) and `ESC [ 1 ; 2 D` (left with Shift)."""
-_BEGUN = re.compile(rb"\x1b(?:O|\[[0-?]*[ -/]*)\Z")
+_KEY = re.compile(rb"\x1b(?:O[!-~]|\[\[[A-E]|\[[0-?]*[!-/@-~])|.", re.DOTALL)
+"""A key is a byte, or a sequence such as `ESC [ D` (left), `ESC [ 1 ; 2 D` (left with Shift), `ESC [ 7 $` (rxvt) and
+`ESC [ [ A` (F1 of Linux's console).  A space ends what was begun: it is the stop, and never part of a key."""
+_BEGUN = re.compile(rb"\x1b(?:O|\[\[?[0-?]*)\Z")
 _ESCAPE_S = 0.05  # the rest of a sequence arrives within this time after its ESC, or the key is Escape [s]
 _ARROWS = {b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "left"}
 _NO_KEY = b"\0"  # POSIX's _POSIX_VDISABLE on Linux

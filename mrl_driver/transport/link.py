@@ -13,7 +13,7 @@ import stat
 import termios
 import threading
 import time
-from typing import Dict, Optional, Protocol, Type, runtime_checkable
+from typing import Dict, Optional, Protocol, Type
 
 import serial
 
@@ -36,7 +36,6 @@ _ERRORS: Dict[int, Type[LinkError]] = {
 }
 
 
-@runtime_checkable
 class Link(Protocol):
     """A connection to a board.  One thread may read while others write, and any thread may wake or close it."""
 

@@ -49,7 +49,8 @@ def _run_node(name: str, parameters: Any, run: Callable[[Any], Optional[int]], r
         await_master(rosgraph.get_master_uri(), rospy.logwarn)
         rospy.init_node(name, disable_signals=True)
         # A node that has taken this one's name ends it, and would be ended by what this one registers after that.
-        rospy.on_shutdown(get_registration_listeners().clear)
+        # What it unregisters, it still reports.
+        rospy.on_shutdown(lambda: setattr(get_registration_listeners(), "notify_added", lambda *_: None))
         _end_on_signals()
         space = rospy.get_name()
         found = rospy.get_param(space, {})

@@ -210,7 +210,7 @@ def test_driving_in_a_terminal_without_a_full_screen_says_so():
         (b"\x1b[A\x1bOD", ["up", "left"]),
         (b"wQ ", ["w", "q", "space"]),
         (b"\x1b", ["escape"]),
-        (b"\x1b[1;2D\x1b[H", ["\x1b[1;2d", "\x1b[h"]),
+        (b"\x1b[1;2D\x1b[H\x1b[[A", ["\x1b[1;2d", "\x1b[h", "\x1b[[a"]),
         (b"\xff", ["\ufffd"]),
     ],
 )

@@ -191,6 +191,15 @@ def test_arrows_that_waited_do_not_end_the_program(terminal):
         assert keyboard.read(1.0) + keyboard.read(0.0) == ["up"] * 30
 
 
+@pytest.mark.parametrize("begun", [b"\x1b[", b"\x1b[7", b"\x1bO"])
+def test_a_space_stops_after_a_key_that_was_cut(begun, terminal):
+    with Keyboard() as keyboard:
+        terminal(begun)
+        assert keyboard.read(1.0) == []
+        terminal(b" ")
+        assert keyboard.read(1.0)[-1] == "space"
+
+
 def test_the_view_drives_by_the_times_of_the_presses(monkeypatch):
     class Keys:
         pressed_s = 77.0

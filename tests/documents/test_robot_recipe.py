@@ -17,6 +17,7 @@ from sim_arduino.serve import factory
 
 from .blocks import ROOT, blocks, files
 
+pytestmark = pytest.mark.timeout(600)  # it builds the firmware: minutes on a small computer
 BLOCK = next(block.text for block in blocks("CONTRIBUTING.md") if "name: eswarbot" in block.text)
 NAME = "recipe-robot"
 _TAKEN = {each for name in models.packaged() for each in models.load_packaged(name).ids}

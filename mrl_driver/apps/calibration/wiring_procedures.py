@@ -301,7 +301,7 @@ def _store(
         moved = {name: found[name] for name in pins if found[name] != driver.model.board[name]}
         words = wiring_check.in_words(found["wiring"])
         words += [f"{short(name)} on {pin}" for name, pin in moved.items()]
-        _keep(driver, job, found, moved)
+        _keep(driver, job, {"bridge": number, **found}, moved)
     facts = {"bridge": BRIDGES[number], "wiring": found["wiring"], "differences": words}
     kept = "in force until the board restarts" if job.eeprom is False else "stored in the board's EEPROM"
     listed = ", ".join(words) or "the wires are as in the robot's file"
