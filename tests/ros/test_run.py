@@ -229,11 +229,21 @@ def test_interrupt_and_death_of_a_part_end_everything_with_a_code(pair):
     assert "ended with exit code" in pair.outputs[1] and pair.alive == [[], []]
 
 
-def test_the_words_of_a_part_that_ended_are_its_last_line_without_colours(tmp_path):
-    script = r"printf 'usage: x\n  [--y]\nx: error: \033[31mno y\033[0m\n====\033[0m\n'; exit 2"
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        (r"usage: x\n  [--y]\nx: error: \033[31mno y\033[0m\n====\033[0m\n", "x: error: no y"),
+        (
+            r"\033[31mRLException: ERROR: could not contact master\033[0m\nKeyboardInterrupt\n",
+            "RLException: ERROR: could not contact master",
+        ),
+    ],
+)
+def test_the_words_of_a_part_that_ended_are_its_last_line_or_its_error_without_colours(tmp_path, said, words):
+    script = f"printf '{said}'; exit 2"
     child = Child("x", ("sh", "-c", script), tmp_path / "x.log", dict(os.environ), tmp_path)
     child.finish(PATIENCE_S)
-    assert child.last_words() == f"x ended with exit code 2: x: error: no y (its log is {child.log})"
+    assert child.last_words() == f"x ended with exit code 2: {words} (its log is {child.log})"
 
 
 def test_master_that_is_there_already_is_refused(master, tmp_path):
