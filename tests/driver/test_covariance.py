@@ -320,7 +320,7 @@ def test_scales_of_omni_wheels_err_as_the_way_of_larger_wheels():
     assert made.spread == pytest.approx(expected, rel=2e-3)
 
 
-PERIOD_S = 0.05
+PERIOD_S = 0.02
 ROBOTS = 16
 BOUNDS = (1.38, 5.44)
 """99.9 % of the means of 16 normalised errors squared with 3 degrees of freedom: chi squared of 48, over 16."""
