@@ -188,11 +188,15 @@ def test_a_refused_parameter_puts_those_before_it_back(monkeypatch):
         assert driver.parameters.read("kp", "ki") == {"kp": 700, "ki": 400}
 
 
-def test_a_restart_between_two_parameters_saves_no_mixture():
+@pytest.mark.parametrize(("tried", "heard"), [({}, 800), ({"kp": 800}, 400)], ids=["stored", "tried before"])
+def test_a_restart_between_two_parameters_saves_no_mixture(tried, heard):
     engine = factory.make(factory.Options(robot="traxbot")).engine
     with SteppedDriver(engine) as driver:
-        driver.on_event(lambda event: isinstance(event, Reply) and 800 in event.frame.args and engine.reset())
-        with pytest.raises(BoardRefused, match="has kp 700, expected 800"):
+        driver.parameters.write(tried)
+        driver.on_event(
+            lambda event: isinstance(event, Reply) and heard in event.frame.args and engine.reset()
+        )
+        with pytest.raises(BoardRefused, match="expected"):
             driver.parameters.replace({"kp": 800, "ki": 900})
         engine.reset()
         assert driver.parameters.read("kp", "ki") == {"kp": 700, "ki": 400}
