@@ -22,8 +22,8 @@ PACKAGES_generate := $(PACKAGES_quick)
 # The compilers make the firmware's image and run it on a simulated chip; without them the board is emulated in Python.
 CHIP := $(PACKAGES_firmware) gcc libc6-dev libsimavr-dev libelf-dev
 PACKAGES_run := python3-venv python3-serial python3-yaml $(if $(filter avr,$(ENGINE)),$(CHIP))
-PACKAGES_test = $(PACKAGES_flash) $(PACKAGES_run) $(CHIP) g++
-PACKAGES_test-all = $(PACKAGES_test) clang spin rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri iproute2 systemd
+PACKAGES_test = $(PACKAGES_flash) $(PACKAGES_run) $(CHIP) g++ iproute2
+PACKAGES_test-all = $(PACKAGES_test) clang spin rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri systemd
 
 # A Noetic under /opt/ros comes with all of ROS; Debian's own packages are the real thing elsewhere.
 ifneq ($(wildcard /opt/ros/noetic/setup.bash),)

@@ -1,5 +1,6 @@
 """Networks for tests with two hosts."""
 
+import shutil
 import subprocess
 
 import pytest
@@ -25,6 +26,7 @@ def own_network():
 
     Skips the test where the kernel forbids them to root and to users alike, as in an unprivileged container.
     """
+    assert shutil.which("ip"), "expected the command ip, of Debian's package iproute2"
     for user in ([], ["--user", "--map-root-user"]):
         command = ["unshare", *user, "--net", "--mount"]
         tried = subprocess.run([*command, "ip", "link", "set", "lo", "up"], capture_output=True, text=True)

@@ -144,8 +144,7 @@ class Parameters:
         self.write({"robot_id": robot_id})
         if self._connection.ask(_DEFAULTS) != (1,):
             raise BoardRefused("the board refused to set its defaults; try again")
-        self.write({name: value for name, value in values.items() if name != "robot_id"})
-        self._require_values({"robot_id": robot_id})  # a board that has restarted has the id of before
+        self.write(values)  # the id again: a board that has restarted meanwhile has that of before
         self.save()
         self._require_values(values)
 

@@ -391,10 +391,7 @@ class RecordedDriver(Driver):
         elif frame.code != MOVE:
             return
         elif commands is not None:
-            speeds = (
-                *speeds,
-                0,
-            )  # of a base that does not move sideways, as that of another robot's recording
+            speeds = (*speeds, 0)  # the recording is that of a base that does not move sideways
         self._core.mismatch = None
         if speeds != motion.target:
             motion.drive(speeds, now)

@@ -202,7 +202,7 @@ class Bench:
         for name, stand_in in own.items():
             patch.setattr(robot_node, name, stand_in)
         patch.setattr(run_node, "await_master", lambda uri, tell: None)
-        patch.setattr(run_node, "get_registration_listeners", lambda: SimpleNamespace(clear=lambda: None))
+        patch.setattr(run_node, "get_registration_listeners", SimpleNamespace)
         patch.setattr(signal, "signal", self.handlers.__setitem__)
         patch.setenv(VARIABLE, "1")
 
