@@ -74,9 +74,11 @@ class Workshop:
     @contextlib.contextmanager
     def robot(self, model, **options):
         engine = Later(self.emulated.engine, self._now_s)
-        with SteppedDriver(engine, model, Options(**options)) as driver:
-            yield driver
-        self._now_s = engine.now_s
+        try:
+            with SteppedDriver(engine, model, Options(**options)) as driver:
+                yield driver
+        finally:
+            self._now_s = engine.now_s
 
     def pose(self):
         return Pose(*self.emulated.plant.true_pose)
