@@ -139,7 +139,8 @@ class Connection:
                 self.core.begin(now)
                 thread.start()
                 self.thread = thread
-        except BaseException:
+        except BaseException as error:
+            self.closing = self.closing or not isinstance(error, MrlError)  # Ctrl-C: the thread may have begun
             self.link = None
             link.close()
             self.links.end_recording()

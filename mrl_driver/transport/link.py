@@ -185,17 +185,17 @@ class DescriptorLink(Link):
                     os.write(self._wake_in, b"\0")
 
     def close(self) -> None:
-        if self.closed:
-            return
         self.closed = True
         self.wake()
         with self._reading, self._writing, self._waking:
-            if not self._open:
+            if not self._open:  # not `closed`: Ctrl-C may have ended an earlier close while it waited
                 return
             self._open = False
-            self._give_back()
-            os.close(self._wake_in)
-            os.close(self._wake_out)
+            try:
+                self._give_back()
+            finally:
+                os.close(self._wake_in)
+                os.close(self._wake_out)
 
     def _give_back(self) -> None:
         """Close the descriptor that `_begin` was given."""
@@ -239,9 +239,11 @@ class SerialLink(DescriptorLink):
             super()._end_of_data()
 
     def _give_back(self) -> None:
-        _drop_unsent(self._serial)
-        _exclude(self._fd, False)
-        self._release()
+        try:
+            _drop_unsent(self._serial)
+            _exclude(self._fd, False)
+        finally:
+            self._release()
 
     def _release(self) -> None:
         self._serial.close()

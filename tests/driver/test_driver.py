@@ -137,6 +137,23 @@ def test_a_close_while_the_port_opens_ends_the_connecting(serve, monkeypatch):
     assert driver.wait(0)
 
 
+def test_ctrl_c_while_the_reading_thread_begins_ends_it_and_frees_the_port(serve, monkeypatch):
+    threads, raised, start, path = [], [], threading.Thread.start, serve().path
+    monkeypatch.setattr(threading, "excepthook", raised.append)
+
+    def interrupted(thread):
+        threads.append(thread)
+        start(thread)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(threading.Thread, "start", interrupted)
+        Driver(path).connect()
+    wait_until(lambda: not threads[0].is_alive())
+    with Driver(path) as robot:
+        assert robot.ready and not raised
+
+
 @pytest.mark.parametrize("where", ["a timer", "a callback"])
 def test_a_close_while_the_board_is_greeted_says_so(serve, where):
     robot = Driver(serve(boot_s=PATIENCE_S if where == "a timer" else 0.0).path)

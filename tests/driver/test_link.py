@@ -352,6 +352,23 @@ def test_a_close_waits_only_while_the_adapter_takes_what_was_sent(pty, monkeypat
     assert flushed == [termios.TCOFLUSH] * flushes
 
 
+def test_a_close_that_ctrl_c_ends_while_it_waits_for_the_adapter_frees_the_port(pty, monkeypatch):
+    link = SerialLink(pty[1])
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr("serial.Serial.out_waiting", property(mock.Mock(side_effect=KeyboardInterrupt)))
+        link.close()
+    SerialLink(pty[1]).close()
+
+
+def test_a_close_goes_on_where_ctrl_c_has_ended_the_one_before(pty, monkeypatch):
+    link = SerialLink(pty[1])
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(link, "wake", mock.Mock(side_effect=KeyboardInterrupt))
+        link.close()
+    link.close()
+    SerialLink(pty[1]).close()
+
+
 def test_a_change_of_speed_does_not_wait_for_an_adapter_that_hangs(pty, monkeypatch):
     """Nor for one that has nothing to flush; the driver's lock is held meanwhile, and a stop would wait with it."""
     drained, left = [], [100]
