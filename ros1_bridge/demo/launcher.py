@@ -14,9 +14,11 @@ import signal
 import socket
 import sys
 import time
-import uuid
+from http.client import HTTPException
 from pathlib import Path
-from typing import Dict, List, Optional
+from typing import Any, Dict, List, Optional
+from xml.parsers.expat import ExpatError
+from xmlrpc.client import Error, ServerProxy, Transport
 
 import click
 
@@ -30,16 +32,16 @@ from .processes import Child
 ROOT = Path(__file__).resolve().parent.parent.parent
 LOGS = ROOT / "build" / "run"
 IMAGE = ROOT / "build" / "firmware" / "mrl_firmware.elf"
-SLOW_S = 20.0  # A start that takes longer is said to be slow; it goes on while roslaunch lives
+SLOW_S = 20.0  # A master that takes longer to start is said to be slow; it is waited for while it lives
 END_S = 25.0  # A part that takes longer than this to end is killed; roslaunch itself kills a node after 17 s
-_POLL_S = 0.05
+_POLL_S, _ANSWER_S = 0.05, 1.0
 _DEFAULT_ROBOT = "traxbot"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _LOCALHOST = "127.0.0.1"
 _PORTS = range(20000, 32768)
 """Linux gives connections higher ports, so that no other program takes the port before the master does."""
-_COMPLETE = "started core service [/rosout]"
-"""roslaunch prints this line if it has started a master and its services."""
+_REFUSED = "Unable to start XML-RPC server"
+"""rosmaster prints a line with these words if its port is taken."""
 _NEXT = """next:
   . .venv/bin/activate; mrl demo                      the robot by your keys, without ROS
   mrl flash --build virtual --port /dev/ttyACM0       makes a bare Uno, Nano or Mega a robot in a room of its own
@@ -128,20 +130,40 @@ def environment(logs: Path, port: int) -> Dict[str, str]:
     return env
 
 
-def start_nodes(run: Run, *arguments: str) -> None:
-    """Start the nodes with `arguments` of `run.launch`, and wait until their master is complete.
+class _Impatient(Transport):
+    """A connection that fails if the other end says nothing, so that the waiting program can look at signals."""
 
-    roslaunch joins no master that is there already: its run id is another one.  RunError if they do not start.
+    def make_connection(self, host: Any) -> Any:
+        connection = super().make_connection(host)
+        connection.timeout = _ANSWER_S
+        return connection
+
+
+def answers(master: Child, uri: str) -> bool:
+    """Whether this rosmaster answers at its address, and no other one; RunError if another program has the port."""
+    for line in master.output():
+        if _REFUSED in line:  # after which rosmaster does nothing, and does not end
+            raise RunError(f"{master.name}: {line.strip()}; run the same command again")
+    with contextlib.suppress(OSError, HTTPException, Error, ExpatError), ServerProxy(
+        uri, _Impatient()
+    ) as proxy:
+        return bool(proxy.getPid("/launcher") == [1, "", master.pid])
+    return False
+
+
+def start_master(run: Run) -> None:
+    """Start the run's own master, and wait until it answers; RunError if it ends or its port is taken.
+
+    roslaunch would start one too, but gives it 10 s, which is too little on a slow computer.
     """
-    launch = str(Path(__file__).with_name("run.launch"))
-    roslaunch = run.start("roslaunch", "roslaunch", f"--run_id={uuid.uuid4()}", launch, *arguments)
-
+    uri = run.env["ROS_MASTER_URI"]
+    master = run.start("rosmaster", "rosmaster", "--core", "-p", uri.rsplit(":", 1)[1])
     slow_s = time.monotonic() + SLOW_S
-    while not any(_COMPLETE in line for line in roslaunch.output()):
+    while not answers(master, uri):
         run.check()
         if time.monotonic() > slow_s:
             slow_s = math.inf
-            click.echo(f"roslaunch is still starting a ROS master; its log is {roslaunch.log}")
+            click.echo(f"the ROS master is still starting; its log is {master.log}")
         time.sleep(_POLL_S)
 
 
@@ -169,7 +191,10 @@ def supervise(run: Run, robot: Optional[str], port: str, engine: Optional[str], 
     click.echo(f"starting the ROS node for {board}; Ctrl-C ends everything")
     emulated = [] if port else [f"engine:={engine or best_engine()}"]
     rviz = not port and bool(os.environ.get("DISPLAY")) and shutil.which("rviz") is not None
-    start_nodes(run, f"port:={port or run.logs / 'robot'}", f"robot:={robot}", f"rviz:={rviz}", *emulated)
+    start_master(run)
+    launch = str(Path(__file__).with_name("run.launch"))
+    arguments = (f"port:={port or run.logs / 'robot'}", f"robot:={robot}", f"rviz:={rviz}", *emulated)
+    run.start("roslaunch", "roslaunch", launch, *arguments)
     click.echo(
         f"for rostopic, rosbag and rviz in another terminal: export ROS_MASTER_URI={run.env['ROS_MASTER_URI']}"
     )

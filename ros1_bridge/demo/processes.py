@@ -82,13 +82,9 @@ class Child:
     def last_words(
         self, lines: Optional[Sequence[str]] = None, name: str = "", exit_code: Optional[int] = None
     ) -> str:
-        """In one line: name, exit code, the last of `lines` or roslaunch's error among them, the log.
-
-        By default they are those of the program and its log.
-        """
+        """In one line: name, exit code, the last of `lines`, the log; by default those of the program and its log."""
         words = f"{name or self.name} ended with exit code {exit_code or self.exit_code}"
         said = [_ORDERS.sub("", line).strip() for line in (self.output() if lines is None else lines)]
-        said.sort(key=lambda line: line.startswith("RLException"))
         last = next((line for line in reversed(said) if line.strip("=") not in _NO_WORDS), "")
         return f"{words}: {last} (its log is {self.log})" if last else words
 

@@ -7,11 +7,14 @@ import os
 import pty
 import re
 import select
+import shutil
 import signal
+import socket
 import struct
 import subprocess
 import sys
 import termios
+import threading
 import time
 import uuid
 import xmlrpc.client
@@ -19,11 +22,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-import rospy
 from rosgraph.masterapi import is_online
 
 from ros1_bridge.demo import launcher
-from ros1_bridge.demo.launcher import Run, RunError, environment, free_port, start_nodes
+from ros1_bridge.demo.launcher import Run, RunError, answers, environment, free_port, start_master
 from ros1_bridge.demo.processes import Child
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -220,7 +222,7 @@ def pair(tmp_path_factory, master):
 
 def test_two_runs_at_once_have_master_and_logs_each_and_stay_off_that_of_the_environment(pair, master):
     assert len({*pair.uris, master["ROS_MASTER_URI"]}) == 3 and len(pair.logs) == 2
-    assert ["/robot_node" in nodes for nodes in pair.nodes] == [True, True]
+    assert all({"/robot_node", "/run/rosout"} <= nodes for nodes in pair.nodes)
     assert not {"/robot_node", "/demo_view"} & pair.foreign
 
 
@@ -229,57 +231,84 @@ def test_interrupt_and_death_of_a_part_end_everything_with_a_code(pair):
     assert "ended with exit code" in pair.outputs[1] and pair.alive == [[], []]
 
 
-@pytest.mark.parametrize(
-    ("said", "words"),
-    [
-        (r"usage: x\n  [--y]\nx: error: \033[31mno y\033[0m\n====\033[0m\n", "x: error: no y"),
-        (
-            r"\033[31mRLException: ERROR: could not contact master\033[0m\nKeyboardInterrupt\n",
-            "RLException: ERROR: could not contact master",
-        ),
-    ],
-)
-def test_the_words_of_a_part_that_ended_are_its_last_line_or_its_error_without_colours(tmp_path, said, words):
-    script = f"printf '{said}'; exit 2"
+def test_the_words_of_a_part_that_ended_are_its_last_line_without_colours(tmp_path):
+    script = r"printf 'usage: x\n  [--y]\nx: error: \033[31mno y\033[0m\n====\033[0m\n'; exit 2"
     child = Child("x", ("sh", "-c", script), tmp_path / "x.log", dict(os.environ), tmp_path)
     child.finish(PATIENCE_S)
-    assert child.last_words() == f"x ended with exit code 2: {words} (its log is {child.log})"
+    assert child.last_words() == f"x ended with exit code 2: x: error: no y (its log is {child.log})"
 
 
-def test_master_that_is_there_already_is_refused(master, tmp_path):
-    """Its nodes would get the commands."""
-    port = int(master["ROS_MASTER_URI"].rsplit(":", 1)[1])
-    run = Run(environment(tmp_path, port), tmp_path)
-    rospy.set_param("/run_id", "of another roscore")
-    try:
-        with pytest.raises(RunError, match="run_id on parameter server does not match"):
-            start_nodes(run, "port:=none")
-    finally:
-        run.stop()
-        rospy.delete_param("/run_id")
-    assert not rospy.has_param("/robot_node")
-
-
-def test_a_start_that_is_slow_is_waited_for_and_said(tmp_path, monkeypatch, capsys):
-    """On this clock the wait takes hours: a limit would end it."""
-    fake, slow = tmp_path / "roslaunch", tmp_path / "slow"
-    fake.write_text(
-        f"#!/bin/sh\nuntil [ -e '{slow}' ]; do sleep 0.02; done\n"
-        "echo 'started core service [/rosout]'\nexec sleep 999\n"
+@pytest.fixture
+def run(tmp_path):
+    """A run that has started nothing, with programs in a folder `bin` before the others; ended after the test."""
+    (tmp_path / "bin").mkdir()
+    made = Run(
+        {**environment(tmp_path, free_port()), "PATH": f"{tmp_path}/bin:{os.environ['PATH']}"}, tmp_path
     )
+    yield made
+    made.stop()
+
+
+def stand_in(folder, lines):
+    """In place of rosmaster, a shell script."""
+    fake = folder / "bin" / "rosmaster"
+    fake.write_text(f"#!/bin/sh\n{lines}\n")
     fake.chmod(0o755)
+
+
+def test_port_that_another_master_has_is_refused(run, master):
+    """Its nodes would get the commands."""
+    run.env["ROS_MASTER_URI"] = master["ROS_MASTER_URI"]
+    with pytest.raises(RunError, match="port .* is already in use; run the same command again"):
+        start_master(run)
+
+
+def test_another_master_at_the_address_does_not_count(run, master):
+    assert not answers(run.start("rosmaster", "sleep", "999"), master["ROS_MASTER_URI"])
+
+
+@pytest.mark.parametrize("reply", [None, b"hello", b"HTTP/1.0 200 OK\r\n\r\nhello"])
+def test_another_program_at_the_address_does_not_count(run, reply):
+    """Not even one that says nothing, for which Ctrl-C would wait."""
+
+    def serve():
+        with listener.accept()[0] as connection:
+            connection.recv(65536)
+            connection.sendall(reply)
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        server = threading.Thread(target=serve)
+        if reply:
+            server.start()
+        uri = f"http://127.0.0.1:{listener.getsockname()[1]}"
+        assert not answers(run.start("rosmaster", "sleep", "999"), uri)
+        if reply:
+            server.join()
+
+
+def test_a_master_that_is_slow_is_waited_for_and_said(run, tmp_path, monkeypatch, capsys):
+    """On this clock the wait takes hours: a limit would end it."""
+    slow = tmp_path / "slow"
+    stand_in(tmp_path, f"until [ -e '{slow}' ]; do sleep 0.02; done; exec {shutil.which('rosmaster')} \"$@\"")
     ticks = itertools.count(step=1000)
     clock = SimpleNamespace(
         monotonic=lambda: next(ticks), sleep=lambda _: next(ticks) > 20_000 and slow.touch()
     )
     monkeypatch.setattr(launcher, "time", clock)
-    env = {**environment(tmp_path, 20001), "PATH": f"{tmp_path}:{os.environ['PATH']}"}
-    run = Run(env, tmp_path)
-    try:
-        start_nodes(run, "port:=none")
-    finally:
-        run.stop()
-    assert capsys.readouterr().out.count("roslaunch is still starting a ROS master; its log is ") == 1
+    start_master(run)
+    assert is_online(run.env["ROS_MASTER_URI"])
+    assert capsys.readouterr().out.count("the ROS master is still starting; its log is ") == 1
+
+
+def test_interrupt_while_the_master_starts_ends_everything(start, tmp_path):
+    (tmp_path / "bin").mkdir()
+    stand_in(tmp_path, "exec sleep 999")
+    run = start(*PYTHON, alone=True, PATH=f"{tmp_path}/bin:{os.environ['PATH']}")
+    run.wait_for("starting the ROS node")
+    wait_until(lambda: run.named("sleep"), step_s=0.02)
+    run.process.send_signal(signal.SIGINT)
+    run.end()
+    assert run.process.returncode == 130 and run.alive() == []
 
 
 def test_each_master_has_a_home_of_its_own(tmp_path):
