@@ -140,7 +140,8 @@ class Connection:
                 thread.start()
                 self.thread = thread
         except BaseException as error:
-            self.closing = self.closing or not isinstance(error, MrlError)  # Ctrl-C: the thread may have begun
+            if not isinstance(error, MrlError):  # Ctrl-C: the thread may have begun
+                self.closing = True
             self.link = None
             link.close()
             self.links.end_recording()
