@@ -22,6 +22,9 @@ QUANTUM_COUNTS = 3
 SLACK_S = {True: 0.002, False: 0.1}
 """The true time between two readings may exceed the stated one by this [s]; key: the times come from the board."""
 NEAR_S = 0.02  # arrival times cannot show a time shorter than this [s]
+RESTART_S = 0.06
+"""The motor board may have lost its power, and its counters, in a gap between two readings that is longer than this and
+the slack [s]; the slowest stream has a frame every 0.05 s."""
 CONFIRMATIONS = 3
 """This many readings in a row that agree with each other, but not with the baseline, make a new baseline."""
 DITHER_COUNTS = 1  # the counter of a wheel that stands may change by this much
@@ -94,7 +97,8 @@ class Baseline:
 
     The first reading is the baseline.  A reading that no wheel could have reached is refused and the baseline stays,
     so the next good reading covers the gap.  If `CONFIRMATIONS` readings in a row agree with each other instead (a
-    counter was preset, the motor board restarted), they become the baseline and the jump is never integrated.
+    counter was preset, the motor board restarted), they become the baseline and the jump is never integrated.  The same
+    holds after a gap for counters that are near zero again, also if the wheels could have turned back in this time.
 
     Two more rules apply to arrival times (`slack_s` above `NEAR_S`).  Frames may arrive in bursts, so a jump within the
     slack is integrated after it is confirmed, except a jump to near zero, which is a restart.  If a reading returns to
@@ -104,7 +108,7 @@ class Baseline:
     def __init__(self, metres_per_count: float, fastest_m_s: float, slack_s: float) -> None:
         self._counts_per_s = fastest_m_s / metres_per_count
         self._slack = self._counts_per_s * slack_s
-        self._bunched = slack_s > NEAR_S
+        self._bunched, self._gap_s = slack_s > NEAR_S, RESTART_S + slack_s
         self._base: Optional[Reading] = None
         self._former: Optional[Reading] = None
         self._rival: Optional[Reading] = None
@@ -132,13 +136,21 @@ class Baseline:
         moved = []
         for new, old in zip(reading[:-1], base):
             moved.append(((new - old + 0x8000) & 0xFFFF) - 0x8000)
-        if dt_s >= 0.0 and -reach <= min(moved) and max(moved) <= reach < 0x8000:  # well within any bound
-            step: Optional[Step] = (*moved, dt_s)
+        step: Optional[Step]
+        if dt_s > self._gap_s and self._begins_again(base, reading):
+            step = self._doubt(base, reading)
+        elif dt_s >= 0.0 and -reach <= min(moved) and max(moved) <= reach < 0x8000:  # well within any bound
+            step = (*moved, dt_s)
         else:
             step = self._step(base, reading) or self._way_back(base, reading) or self._doubt(base, reading)
         if step is not None:
             self._former, self._base, self._rival = base, reading, None
         return step
+
+    def _begins_again(self, base: Reading, reading: Reading) -> bool:
+        """Return whether the counters may have begun at zero again between two readings, after a gap."""
+        largest, before = max(map(abs, reading[:-1])), max(map(abs, base[:-1]))
+        return largest < before - QUANTUM_COUNTS and largest <= QUANTUM_COUNTS + self._counts_per_s * NEAR_S
 
     def _reach(self, dt_s: float) -> float:
         """Return the largest distance of a wheel in a time [count]; infinity if its counter may have wrapped."""

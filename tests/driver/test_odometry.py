@@ -226,6 +226,41 @@ def test_a_jump_that_three_readings_confirm_is_integrated_or_a_new_baseline(befo
     assert (made.update(*now), made.primed) == (step, baselines)
 
 
+@pytest.mark.parametrize(
+    "before, now, dt_s, restarted",
+    [
+        ((300, -280), (23, -23), 1.0, True),
+        ((-27, -5), (23, 20), 1.0, True),
+        ((300, -280), (24, -23), 1.0, False),
+        ((26, 26), (23, 20), 1.0, False),
+        ((10, 10), (20, 20), 1.0, False),
+        ((80, 80), (20, 20), 0.062, False),
+        ((80, 80), (20, 20), 0.063, True),
+    ],
+    ids=[
+        "near zero",
+        "from the other side",
+        "not near zero",
+        "no nearer than a reading may err",
+        "farther than before",
+        "without a gap",
+        "after the shortest gap",
+    ],
+)
+def test_counters_that_are_near_zero_after_a_gap_may_have_begun_again(before, now, dt_s, restarted):
+    """As those of a motor board whose power was off: the wheels could have turned back in that time."""
+    made = baseline(True, (*before, 0.0))
+    for i in range(3):
+        made.update(*now, dt_s + i * 1e-3)
+    assert made.primed == 1 + restarted and (made.refused == 3) is restarted
+
+
+@pytest.mark.parametrize("dt_s, restarted", [(0.16, False), (0.161, True)])
+def test_without_board_time_a_gap_is_longer_than_a_burst(dt_s, restarted):
+    made = baseline(False, (80, 80, 0.0))
+    assert (made.update(0, 0, dt_s) is None) is restarted
+
+
 @pytest.mark.parametrize("count, used", [(123, True), (124, False)])
 def test_a_way_back_is_as_near_to_the_reading_before_as_a_step(count, used):
     made = baseline(False, (100, 100, 0.0), (80, 80, 0.0))

@@ -382,6 +382,25 @@ def test_a_command_after_such_a_request_is_guarded_again(robot):
     assert driven_s(robot) < STOPPED_S
 
 
+@pytest.mark.parametrize("away_s", [0.1, 1.0])
+def test_a_motor_board_whose_power_was_off_leaves_the_pose_and_makes_it_less_sure(robot, away_s):
+    """As after an emergency switch in the battery's wire: its counters begin at zero again."""
+    robot.driver.drive(0.2, 0.0)
+    robot.driver.wait(1.5)
+    robot.driver.stop()
+    robot.driver.wait(1.0)
+    before, spread = robot.driver.pose, robot.driver.telemetry.spread
+    board = robot.plant.motor_board
+    board.present = False
+    robot.driver.wait(away_s)
+    for encoder in (1, 2, 3):
+        board.preset_encoder(robot.driver.now_s, encoder, 0)
+    board.present = True
+    robot.driver.wait(1.0)
+    assert robot.driver.ready and robot.driver.pose == before
+    assert robot.driver.telemetry.spread[0] > 10 * spread[0]
+
+
 @pytest.mark.parametrize("gap_s", [0.0, 0.05, 0.08, 0.2])
 def test_a_request_that_follows_a_preset_of_a_counter_is_carried_out(robot, gap_s):
     """The preset looks like a motion."""
