@@ -89,9 +89,10 @@ INSTALLED := $(shell dpkg-query -W -f='$${db:Status-Abbrev}$${Package}\n' $(NEED
 MISSING := $(if $(shell command -v dpkg-query),$(filter-out $(INSTALLED),$(NEEDED)))
 APT_GET := $(SUDO) env DEBIAN_FRONTEND=noninteractive LC_ALL=C apt-get -yq -o DPkg::Lock::Timeout=120
 APT_LOG := build/apt.log
-# Of what apt says, one line that counts on in a terminal; the rest goes to APT_LOG.  With Dpkg::Use-Pty=0 next to it, packages'
+# Of what apt says, one line that counts on in a terminal, also after Ctrl-C, which does not end dpkg; the rest goes to APT_LOG.  With Dpkg::Use-Pty=0 next to it, packages'
 # scripts would have no output, and fontconfig's fails without.
-PROGRESS = -o APT::Status-Fd=1 2>&1 | { while IFS= read -r line; do IFS=: read -r kind _ percent text <<<"$$line"; case $$kind in \
+PROGRESS = -o APT::Status-Fd=1 2>&1 | { trap 'echo "make: apt first completes what it has begun; that can take a minute" >&2' INT; \
+  while IFS= read -r line; do IFS=: read -r kind _ percent text <<<"$$line"; case $$kind in \
   dlstatus|pmstatus) [ ! -t 1 ] || printf '\r\033[K%3d %% %.60s' "$${percent%%.*}" "$$text" ;; \
   *) echo "$$line" >>$(APT_LOG) ;; esac; done; [ ! -t 1 ] || printf '\r\033[K'; }
 APT_FAILED = { grep -E '^(E: |dpkg: error)' $(APT_LOG) | tail -n 3 >&2; echo "make: $(1); run the same command again; all that apt said: $(APT_LOG)" >&2; exit 1; }

@@ -144,7 +144,8 @@ def main(args: Optional[Sequence[str]] = None) -> None:
             stream.reconfigure(errors="replace")  # a terminal without such characters shows `?`
     words = list(sys.argv[1:] if args is None else args)
     asked_by_shell = "_MRL_COMPLETE" in os.environ
-    words = words if words or asked_by_shell else ["--help"]
+    if words[:1] in ([], ["help"]) and not asked_by_shell:
+        words = [*words[1:], "--help"]
     try:
         with shortages("this command cannot go on", MrlError):
             sys.exit(cli.main(words, prog_name="mrl", standalone_mode=False) or 0)

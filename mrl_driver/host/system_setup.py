@@ -8,6 +8,7 @@ import contextlib
 import os
 import pwd
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -165,8 +166,15 @@ def install(user: str, root: str = "/", page: str = "") -> List[str]:
                 file.write(text)
     done = [f"wrote {path}" for path in paths]
     if not _checkout():
-        done.append("the service needs a ROS that has mrl_robots, or be installed by the mrl of a clone")
-    return done + run(commands(user, True)) if is_machine(root) else done
+        done.append(
+            "the service, if you switch it on, needs mrl_robots in ROS; or install it with the mrl of a clone's .venv"
+        )
+    if not is_machine(root):
+        return done
+    new = (
+        [] if user == "root" else [f"if {user} was not in the group {GROUP} before, log out and in again now"]
+    )
+    return [*done, *run(commands(user, True)), *new]
 
 
 def remove(root: str = "/") -> List[str]:
@@ -201,7 +209,7 @@ def _changing(path: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        hint = "; run as root: sudo " + " ".join(sys.argv) if isinstance(error, PermissionError) else ""
+        hint = "; run as root: sudo " + shlex.join(sys.argv) if isinstance(error, PermissionError) else ""
         raise ConfigError(f"{path} cannot be changed: {error.strerror}{hint}") from None
 
 

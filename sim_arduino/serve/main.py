@@ -74,7 +74,7 @@ class _Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-[\d.]")  # so that a pose may begin with a minus
 
     def error(self, message: str) -> NoReturn:
-        raise ConfigError(message)
+        raise ConfigError(f"{message}; see: {self.prog} --help")
 
 
 def parser() -> argparse.ArgumentParser:

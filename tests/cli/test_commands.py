@@ -432,6 +432,13 @@ def test_searches_for_garbage_leave_out_what_a_program_imports(tmp_path):
     assert python("-c", code, path=tmp_path).stdout == "True True\n"
 
 
+@pytest.mark.parametrize(
+    "words, same", [([], ["--help"]), (["help"], ["--help"]), (["help", "drive"], ["drive", "--help"])]
+)
+def test_help_is_also_a_word(words, same):
+    assert mrl(*words) == mrl(*same) != ""
+
+
 def test_output_that_cannot_be_written_costs_a_line():
     with open("/dev/full", "w") as full:
         done = subprocess.run(

@@ -507,11 +507,11 @@ def test_what_an_option_gives_is_the_default_of_its_question(tmp_path):
     [
         (("rover", *ROVER), "Write .* stdin is not a terminal; give --yes to agree"),
         (
-            ("rover", "--yes", *ROVER[:6]),
+            ("rover", "--yes", "--file-only", *ROVER[:6]),
             r"Which wiring. stdin is not a terminal; give --wiring \(or --pin\) with one of arduino_motor_shield_r3",
         ),
         (
-            ("rover", "--yes", *ROVER[:8]),
+            ("rover", "--yes", "--file-only", *ROVER[:8]),
             "Which H-bridge drives the motors. stdin is not a terminal; give --bridge",
         ),
         (
@@ -590,6 +590,10 @@ def test_what_an_option_gives_is_the_default_of_its_question(tmp_path):
             ),
             "rear GP2Y0A02 is one range sensor too many: the Uno or Nano has inputs for 3",
         ),
+        (
+            ("rover", "--yes", *ROVER, "--board", "mega"),
+            "board is the Mega 2560, but --wiring is for the Uno or Nano; give --wiring own to be asked for each",
+        ),
         (("rover", "--yes", *ROVER, *3 * ("--servo", "9")), "--servo names 3 pins, expected at most 2"),
     ],
 )
@@ -598,12 +602,27 @@ def test_wrong_answers_are_refused_in_one_line(words, line):
     assert "rover" not in models.names()
 
 
+def test_a_missing_board_is_told_before_the_questions(monkeypatch):
+    """Nothing is asked, although most answers are missing."""
+    monkeypatch.setattr("mrl_driver.transport.port_info.facts", list)
+    line = fails(2, "new", "rover")
+    assert "no board made by Arduino is plugged in" in line
+    assert "without a board, --file-only writes the robot's file" in line
+
+
+@pytest.mark.parametrize("board, offered", [("uno", "arduino_motor_shield_r3, .*, own"), ("mega", "own")])
+def test_only_wirings_of_the_board_are_offered(board, offered):
+    line = fails(2, "new", "rover", "--yes", "--file-only", *ROVER[:6], "--board", board)
+    assert re.search(f"with one of {offered}$", line)
+
+
 def test_a_robot_that_exists_is_not_replaced():
     mrl("new", "rover", *ROVER, "--yes")
     path = os.path.join(models.own_folder(), "rover.yaml")
     before = pathlib.Path(path).read_text()
     line = fails(2, "new", "rover", *ROVER, "--yes", "--separation", "200")
-    assert f"already exists; give another name, or go on with: mrl calibrate wiring --robot {path}" in line
+    assert "already exists; give another name, delete it to begin again, or go on with: " in line
+    assert f"mrl calibrate wiring --robot {path}" in line
     assert pathlib.Path(path).read_text() == before
 
 

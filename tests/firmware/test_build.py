@@ -177,7 +177,9 @@ def apt_in(folder, *variables):
     (folder / "firmware").mkdir(parents=True)
     for name in ("Makefile", "firmware/firmware.mk", "firmware/comparison.mk"):
         shutil.copy(ROOT / name, folder / name)
-    done = run("make", "-C", folder, "apt", "MISSING=of-nobody", "SUDO=env", *variables)
+    done = run(
+        "make", "-C", folder, "apt", "MISSING=of-nobody", "SUDO=env", *variables, start_new_session=True
+    )
     assert done.returncode != 0
     return without_last_line(done)
 
@@ -216,6 +218,18 @@ def test_log_has_what_apt_says_without_its_progress(tmp_path):
     apt_in(tmp_path / "clone", f"APT_GET={apt_get}")
     log = (tmp_path / "clone" / "build" / "apt.log").read_text()
     assert log.splitlines()[-2:] == ["Setting up a: b", "Done"]
+
+
+def test_ctrl_c_says_that_apt_completes_what_it_has_begun(tmp_path):
+    apt_get = tmp_path / "apt-get"
+    ignores = "install*) trap '' INT; echo Begun; until grep -q Begun build/apt.log; do :; done; kill -INT 0; echo Done"
+    apt_get.write_text(
+        APT_GET.format(update="Hit:1", sizes="After this").replace("install*) exit 1", ignores)
+    )
+    apt_get.chmod(0o755)
+    said = apt_in(tmp_path / "clone", f"APT_GET={apt_get}")
+    assert len(said) == 1 and "apt first completes" in said[0]
+    assert (tmp_path / "clone" / "build" / "apt.log").read_text().splitlines()[-2:] == ["Begun", "Done"]
 
 
 def test_make_test_installs_what_it_needs_and_no_more():

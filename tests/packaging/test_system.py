@@ -7,6 +7,8 @@ import pathlib
 import re
 import shlex
 import subprocess
+import sys
+from unittest.mock import Mock
 
 import pytest
 from click.testing import CliRunner
@@ -122,6 +124,19 @@ def test_brltty_is_masked_if_that_is_wanted(brltty, tmp_path, option, masked):
     ) is masked and "may take" not in out
 
 
+@pytest.mark.parametrize("user, told", [("ada", True), ("root", False)])
+def test_who_gets_the_ports_is_told_to_log_in_again(brltty, tmp_path, user, told):
+    out = mrl_system("install", "--root", tmp_path, "--user", user, "--keep-brltty")
+    assert ("log out and in again" in out) is told
+
+
+def test_the_command_for_root_can_be_copied_if_its_path_has_a_space(monkeypatch, tmp_path):
+    monkeypatch.setattr(sys, "argv", ["/a b/mrl", "system", "install"])
+    monkeypatch.setattr(os, "makedirs", Mock(side_effect=PermissionError(1, "no")))
+    with pytest.raises(ConfigError, match="run as root: sudo '/a b/mrl' system install"):
+        system_setup.install("ada", str(tmp_path))
+
+
 def unit_in(root):
     system_setup.install("ada", str(root))
     unit = configparser.ConfigParser(interpolation=None, strict=False)
@@ -189,7 +204,7 @@ def test_who_installs_the_service_outside_a_clone_is_told_what_it_needs(tmp_path
     if not clone:
         monkeypatch.setattr(system_setup, "__file__", str(tmp_path / "site/mrl_driver/host/system_setup.py"))
     said = system_setup.install("ada", str(tmp_path))
-    assert clone is not any("needs a ROS that has mrl_robots" in line for line in said)
+    assert clone is not any("needs mrl_robots in ROS" in line for line in said)
 
 
 @pytest.mark.parametrize("setup", ["", "export ROS_PACKAGE_PATH=/opt/ros/noetic/share\n"])

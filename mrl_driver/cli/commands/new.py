@@ -100,6 +100,7 @@ def new(name: Optional[str], file_only: bool, **options: Any) -> None:
       mrl new rover --board mega --wiring own --sonar front=hc-sr04:A0,A8 --sonar left=gp2y0a21:A1
       mrl new truck --kind mecanum --wheelbase 120 --wiring mega_four_wheels
     """
+    port = None if file_only else _port_of(options)
     name = _asked(name, "NAME", "", lambda: click.prompt("Name of the robot", err=True))
     path = _path_of(name)
     made = _kit(name, options)
@@ -112,15 +113,27 @@ def new(name: Optional[str], file_only: bool, **options: Any) -> None:
     replace_file(path, text)
     click.echo(f"{path} is written; all programs know the robot as --robot {model.name}")
     show_wires(made)
-    if not file_only:
-        _set_up(made, path, options)
+    if port:
+        _set_up(made, path, port, options)
+
+
+def _port_of(options: Mapping[str, Any]) -> str:
+    """Return the port of the board; raise ConfigError, before the questions, if none can be chosen."""
+    from .flash import only_board
+
+    outer = click.get_current_context().find_root().params.get("port") or os.environ.get("MRL_PORT")
+    try:
+        return options["port"] or outer or only_board()
+    except ConfigError as error:
+        raise ConfigError(f"{error}; without a board, --file-only writes the robot's file") from None
 
 
 def _path_of(name: str) -> str:
     path = os.path.join(models.own_folder(), f"{name}.yaml")
     if os.path.exists(path):
         raise ConfigError(
-            f"{path} already exists; give another name, or go on with: {_next('wiring', path, None)}"
+            f"{path} already exists; give another name, delete it to begin again, or go on with: "
+            f"{_next('wiring', path, None)}"
         )
     named_robots.require_name(name)
     return path
@@ -187,17 +200,15 @@ def _in_words(made: Kit) -> str:
     )
 
 
-def _set_up(made: Kit, path: str, options: Mapping[str, Any]) -> None:
+def _set_up(made: Kit, path: str, port: str, options: Mapping[str, Any]) -> None:
     """Upload the firmware, set the id and the parameters, and calibrate wiring and gains."""
-    from .flash import HBRIDGE, flash, only_board
+    from .flash import HBRIDGE, flash
     from .set_id import set_id
 
     ctx = click.get_current_context()
     commands: Any = ctx.find_root().command
     calibrate = commands.get_command(ctx, "calibrate")
     wiring, gains = (calibrate.get_command(ctx, name) for name in ("wiring", "gains"))
-    outer = ctx.find_root().params.get("port") or os.environ.get("MRL_PORT")
-    port = options["port"] or outer or only_board()
     robot: Dict[str, Any] = {"port": port, "robot": path, "baud": None}
     shared = {name: options[name] for name in ("truth", "yes")}
     if options["flash"]:

@@ -117,7 +117,7 @@ class Wired(NamedTuple):
 
 def wiring_of(options: Mapping[str, Any], wheels: int) -> Wired:
     """Return the wiring of two or four `wheels`; raise ConfigError, with pin and reason, if the board cannot do it."""
-    name = options["wiring"] or ("" if options["pin"] else _chosen(wheels))
+    name = options["wiring"] or ("" if options["pin"] else _chosen(wheels, options["board"]))
     entry = wirings.load(name) if name not in ("", OWN) else None
     board = options["board"] or ("mega" if wheels > wiring.FRONT else None)
     chip = _chip(board, entry, ask=name == OWN)
@@ -149,7 +149,8 @@ def _chip(board: Optional[str], entry: Optional[wirings.Entry], ask: bool) -> Ch
     chip = BOARDS[board] if board else entry.chip if entry else ATMEGA328P
     if entry and chip != entry.chip:
         raise ConfigError(
-            f"the board is the {chip.board}, but --wiring is for the {entry.chip.board}; give its pins with --pin"
+            f"the board is the {chip.board}, but --wiring is for the {entry.chip.board}; "
+            f"give --wiring {OWN} to be asked for each pin"
         )
     return chip
 
@@ -183,10 +184,16 @@ def _show_row(name: str, cells: Sequence[str]) -> None:
     click.echo(f"  {name:<22}" + "".join(f"{cell:<{width}}" for cell in cells).rstrip())
 
 
-def _chosen(wheels: int) -> str:
+def _chosen(wheels: int, board: Optional[str]) -> str:
     entries = {name: wirings.load(name) for name in wirings.names()}
-    titles = {name: entry.title for name, entry in entries.items() if wiring.motors(entry.pins) == wheels}
-    return choose("Which wiring?", {**titles, OWN: "your own: asks for each pin"}, "--wiring (or --pin)")
+    chips = [BOARDS[board]] if board else list(BOARDS.values())
+    titles = {
+        name: entry.title
+        for name, entry in entries.items()
+        if wiring.motors(entry.pins) == wheels and entry.chip in chips
+    }
+    own = "your own, also two wheels on a Mega: asks for the board and each pin"
+    return choose("Which wiring?", {**titles, OWN: own}, "--wiring (or --pin)")
 
 
 def _words(name: str) -> str:
