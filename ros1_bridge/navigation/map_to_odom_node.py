@@ -69,10 +69,12 @@ class MapToOdom:
             time.sleep(PERIOD_S)
 
     def _on_pose(self, message: PoseStamped) -> None:
+        stamp = message.header.stamp
         try:
-            trouble = self._age.trouble(message.header.stamp.to_sec(), rospy.get_time(), time.monotonic())
-            pose, odometry = planar(message.pose), self._odometry(message.header.stamp)
-            place, trouble = correction(pose, odometry), trouble or self._jump(pose, odometry)
+            trouble = self._age.trouble(stamp.to_sec(), rospy.get_time(), time.monotonic())
+            if not trouble:  # tf2 ends the program at a stamp near the end of its range
+                pose, odometry = planar(message.pose), self._odometry(stamp)
+                place, trouble = correction(pose, odometry), self._jump(pose, odometry)
         except (ValueError, tf2_ros.TransformException) as error:
             trouble = str(error)
         if trouble:

@@ -43,7 +43,8 @@ def twist_of(linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) 
 
 
 def _header(time_s: float, operator: str = "") -> Header:
-    return Header(0, rospy.Time.from_sec(time_s), operator)
+    # an input seems older than this computer if a clock was set after it
+    return Header(0, rospy.Time.from_sec(max(0.0, time_s)), operator)
 
 
 class CmdVel:

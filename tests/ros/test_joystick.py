@@ -8,10 +8,12 @@ import subprocess
 import termios
 
 import pytest
+import rospy
 from geometry_msgs.msg import Twist
 from hypothesis import given
 from hypothesis import strategies as st
 from sensor_msgs.msg import Joy
+from std_msgs.msg import Header
 
 from ros1_bridge.teleop.joystick_mapping import GRAVITY_M_S2, LAYOUTS, REPEATED_S, Joystick, shares_of
 from tests.waiting import wait_until
@@ -160,6 +162,22 @@ def test_node_passes_on_and_ends_with_one_stop(rig):
     joy.publish(axes=[0.0, 1.0], buttons=pressed(PS3.dead_man))
     assert twists.wait(count + 1)[count].linear.x == 0.25
     assert twists.messages.count(Twist()) == 1
+
+
+def test_release_that_seems_older_than_the_computer_is_a_stop(rig):
+    """As if a clock was set between the release and its arrival."""
+    rig.program("teleop_joystick")
+    joy, twists = rig.publisher("joy", Joy), rig.topic("cmd_vel", Twist)
+    twists.wait_for_publisher()
+
+    def driven():
+        now = Header(stamp=rospy.Time.now())
+        joy.publish(header=now, axes=[0.0, 1.0], buttons=pressed(PS3.dead_man))
+        return bool(twists.messages)
+
+    wait_until(driven)
+    joy.publish(header=Header(stamp=rospy.Time(1)), axes=[0.0, 1.0], buttons=pressed())
+    wait_until(lambda: twists.messages[-1] == Twist())
 
 
 NODE = ROOT / "ros1_bridge" / "nodes" / "teleop_keyboard"

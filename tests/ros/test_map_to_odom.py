@@ -82,6 +82,20 @@ def test_transform_can_be_looked_up_at_the_time_of_the_next_scan(rig):
     listener.unregister()
 
 
+def test_pose_of_the_last_second_that_a_stamp_can_have_is_refused(rig):
+    child, poses = rig.program("map_to_odom"), rig.publisher("slam_out_pose", PoseStamped)
+    pose = PoseStamped()
+    pose.header.stamp, pose.pose.orientation.w = rospy.Time(2**32 - 1), 1.0
+
+    def ends_or_refuses():
+        poses.publish(pose)
+        refused = any("ahead of this node's clock" in line for line in child.output())
+        return refused or child.exit_code is not None
+
+    wait_until(ends_or_refuses, step_s=0.02)
+    assert child.exit_code is None
+
+
 @pytest.fixture
 def finder(monkeypatch):
     """A finder on a robot with a laser in front, one behind, which looks back, and one with a place that is none."""
