@@ -10,7 +10,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Range, Temperature
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.geometry import ORIGIN, Pose, yaw_of
+from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, RobotModel
@@ -18,6 +18,7 @@ from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
 from mrl_driver.robot.sonar import NAMES
 from mrl_driver.safety.protective_zones import stale_s
 from mrl_driver.view.shown_state import SILENT_S, Row, Shown, errors_row, moves_sideways
+from ros1_bridge.node.plane_poses import planar
 
 LOW_SHARE = 0.1  # With a lower charge the battery is shown as low
 STILL_M_S, STILL_RAD_S = 0.005, 0.02  # A slower robot stands
@@ -164,10 +165,15 @@ class TopicRobot:
         return int(self._link.get("Errors", "0"))
 
     def on_odometry(self, message: Any) -> None:
-        """Take a nav_msgs/Odometry."""
-        at, turn, twist = message.pose.pose.position, message.pose.pose.orientation, message.twist.twist
-        self.pose = Pose(at.x, at.y, yaw_of(turn.x, turn.y, turn.z, turn.w))
-        linear, angular = twist.linear, twist.angular.z
+        """Take a nav_msgs/Odometry; one that is not finite, as of a filter that diverges, counts as none."""
+        linear, angular = message.twist.twist.linear, message.twist.twist.angular.z
+        try:
+            pose = planar(message.pose.pose)
+        except ValueError:
+            return
+        if not math.isfinite(linear.x + linear.y + angular):
+            return
+        self.pose = pose
         self.twist = (
             OmniTwist(linear.x, angular, linear.y) if moves_sideways(self.model) else Twist(linear.x, angular)
         )

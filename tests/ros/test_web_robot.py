@@ -14,6 +14,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Range
 
 from mrl_driver.apps.web.helm import Goal, why_of
+from mrl_driver.geometry import ORIGIN
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.safety.protective_zones import STALE_S as RANGE_STALE_S
 from mrl_driver.view.shown_state import SILENT_S
@@ -181,6 +182,16 @@ def test_silent_odometry_ends_the_press(bench):
     assert "no odometry" in page.robot.drive(*FORWARD).words
     assert page.sent == [FORWARD] * 2 + [STOP]
     assert page.drive(), "odometry is back, the control is still held"
+
+
+@pytest.mark.parametrize("part", ["x_m", "speed_m_s"])
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_odometry_that_is_not_finite_counts_as_none(bench, part, value):
+    page = bench()
+    page.drive()
+    page.odometry(**{part: value}, after_s=SILENT_S + STEP_S)
+    assert "no odometry" in page.robot.drive(*FORWARD).words
+    assert page.topics.pose == ORIGIN
 
 
 def test_a_delay_above_the_limit_ends_the_press(bench):
