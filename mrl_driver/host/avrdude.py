@@ -22,6 +22,8 @@ MARKS = 100  # number of progress marks of an upload: 50 for writing, 50 for rea
 _ATTEMPTS, _EARLY_ATTEMPTS = 3, 2
 """Attempts before giving up, at the last baud rate and at those before.  avrdude makes ten of 5 s each; a board that
 fails three never answers."""
+HALF = "the board may have half a firmware, which may turn the motors: switch their power off, then flash it again"
+"""What an upload that was cut may leave: pages of the new firmware next to those of the old one."""
 _ATTEMPT = re.compile(r"attempt (\d+) of \d+: not in sync")
 
 
@@ -41,12 +43,12 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
     (
         "verif.*(error|mismatch)|content mismatch|first mismatch",
         errors.BoardRefused,
-        "the data read back from {port} differ from the image; try again with a shorter USB cable",
+        f"the data read back from {{port}} differ from the image; {HALF}, with a shorter USB cable",
     ),
     (
         "input/output error|no such device",
         errors.LinkLost,
-        "{port} went away during the upload; check the cable, then try again",
+        f"{{port}} went away during the upload; {HALF}, and check the cable",
     ),
     (
         "not in sync|not responding",
@@ -57,7 +59,7 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
     (
         "timeout|timed out",
         errors.BoardTimeout,
-        "{port} stopped answering during the upload; press reset and try again",
+        f"{{port}} stopped answering during the upload; {HALF}, after a reset",
     ),
     ("file format|invalid record|checksum", ConfigError, "{image} is damaged, expected Intel HEX"),
 )

@@ -44,11 +44,13 @@ def bootloader(close_later):
 def stand_in(tmp_path, monkeypatch):
     """A program called avrdude that notes its words, says something, and ends so."""
 
-    def install(says="", code=0):
+    def install(says="", code=0, signals=False):
         program = tmp_path / "bin" / "avrdude"
         program.parent.mkdir()
         noted = tmp_path / "noted"
         ends = "exec sleep 30" if "attempt 3" in says else f"exit {code}"
+        if signals:
+            ends = "kill -INT $PPID; exec sleep 30"
         program.write_text(
             f"#!/bin/sh\nprintf '%s\\n' \"$@\" >{shlex.quote(str(noted))}\n"
             f"printf %s {shlex.quote(says)} >&2\n{ends}\n"
@@ -114,6 +116,18 @@ def test_a_board_that_is_not_in_sync_is_given_up_after_the_third_attempt(stand_i
 def test_words_of_avrdude_become_errors_of_ours(said, kind):
     error = avrdude.explain(said, "/dev/ttyACM7", "image.hex")
     assert type(error) is kind and "\n" not in str(error)
+
+
+@pytest.mark.parametrize("said", ["Input/output error", "verification error", "stk500_recv(): timed out"])
+def test_an_upload_that_was_cut_warns_of_half_a_firmware(said):
+    assert "which may turn the motors" in str(avrdude.explain(said, "/dev/ttyACM7", "image.hex"))
+
+
+def test_an_upload_that_ctrl_c_cuts_warns_of_half_a_firmware(stand_in, serve):
+    """The signal comes while avrdude writes."""
+    stand_in(says="Writing", signals=True)
+    line = fails(130, "flash", "--port", serve().path, "--build", "sonar", "--yes")
+    assert "which may turn the motors" in line
 
 
 def test_without_avrdude_it_says_how_to_get_it(monkeypatch, serve, image):

@@ -92,6 +92,8 @@ def _upload(port: str, images: Mapping[Chip, str]) -> str:
                 return image
             except NotARobot as error:
                 last = error
+            except KeyboardInterrupt:
+                raise click.Abort(f"interrupted; {avrdude.HALF}") from None
         raise last
 
 
