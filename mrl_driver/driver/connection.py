@@ -106,9 +106,10 @@ class Connection:
         }
 
     def connect(self) -> None:
-        if self.thread is not None or self.closing:
-            raise MrlError("this driver was connected already; create another one to connect again")
-        self._beginning = True
+        with self.lock:
+            if self.thread is not None or self.closing or self._beginning:
+                raise MrlError("this driver was connected already; create another one to connect again")
+            self._beginning = True
         try:
             self._start(self.links.first(self.report))
         finally:

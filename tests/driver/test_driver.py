@@ -137,6 +137,21 @@ def test_a_close_while_the_port_opens_ends_the_connecting(serve, monkeypatch):
     assert driver.wait(0)
 
 
+def test_a_driver_that_opens_its_port_is_not_connected_a_second_time(serve, monkeypatch):
+    """Two threads would read one board, if its port can be opened twice, such as a TCP address."""
+    robot, refused = Driver(serve().path), []
+
+    def open_when_refused(*args):
+        with pytest.raises(MrlError, match="connected already") as error:
+            robot.connect()
+        refused.append(error)
+        return open_link.open_link(*args)
+
+    monkeypatch.setattr("mrl_driver.driver.link_source.open_link", open_when_refused)
+    with robot:
+        assert robot.ready and len(refused) == 1
+
+
 def test_ctrl_c_while_the_reading_thread_begins_ends_it_and_frees_the_port(serve, monkeypatch):
     threads, raised, start, path = [], [], threading.Thread.start, serve().path
     monkeypatch.setattr(threading, "excepthook", raised.append)
