@@ -40,6 +40,8 @@ PACKAGES_run += python3-roslaunch rosout \
 PACKAGES_test-all += ros-base python3-rostest rosbash python3-tf2-geometry-msgs python3-roswtf \
   libdynamic-reconfigure-config-init-mutex-dev joint-state-publisher rosdiagnostic catkin \
   catkin-lint ros-environment ros-std-msgs libstd-msgs-dev librostest-dev libdiagnostic-aggregator-tools libdiagnostic-aggregator-dev libclang-rt-dev
+# Debian 13's rviz, which is built with Qt 6, only recommends what reads its icons; Debian 12's depends on it.
+PACKAGES_test-all += $(shell . /etc/os-release; [ "$$VERSION_ID" -ge 13 ] 2>/dev/null && echo qt6-svg-plugins)
 endif
 
 .PHONY: help setup quick check test test-rest test-all run clean
