@@ -98,11 +98,13 @@ def pytest_xdist_make_scheduler(config, log):
 
 
 def pytest_ignore_collect(collection_path, config):
-    """Files that need ROS or a browser are not imported in a tier that may have neither."""
-    if collection_path.suffix != ".py" or config.getoption("tier") not in ("quick", "test"):
+    """Files of a higher tier are not imported, as are those that need ROS or a browser where there may be neither."""
+    tier = config.getoption("tier")
+    if collection_path.suffix != ".py" or tier not in ("quick", "test"):
         return None
-    one_drive = config.getoption("tier") == "test" and collection_path.name == "test_one_drive.py"
-    return True if tiers.is_foreign(collection_path) and not one_drive else None
+    if tier == "test" and collection_path.name == "test_one_drive.py":
+        return None
+    return tiers.of_folder(collection_path) > tiers.NAMES[tier] or tiers.is_foreign(collection_path) or None
 
 
 @pytest.hookimpl(tryfirst=True)

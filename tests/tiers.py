@@ -31,7 +31,7 @@ FOLDERS = {
     "long": ALL,
 }
 ENGINES = {"python": QUICK, "pc": QUICK, "avr": ALL}
-"""Parameters named `engine` decide alone: files of the conformance tests import every engine."""
+"""Parameters named `engine` decide with the folder: files of the conformance tests import every engine."""
 IMPORT = re.compile(
     r"^([ \t]*)(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n#]*)|import[ \t]+([\w. ,]+))", re.M
 )
@@ -91,7 +91,12 @@ def of_file(path):
     if is_foreign(path) or any(map(CHIP.match, direct)):
         return ALL
     outside = any(map(OUTSIDE.match, direct)) or "openpty" in path.read_text(encoding="utf-8")
-    return max(TEST if outside else QUICK, FOLDERS.get(path.relative_to(ROOT).parts[1], QUICK))
+    return max(TEST if outside else QUICK, of_folder(path))
+
+
+def of_folder(path):
+    """The tier that a file's folder asks for."""
+    return FOLDERS.get(path.relative_to(ROOT).parts[1], QUICK)
 
 
 @functools.lru_cache(maxsize=None)
@@ -113,13 +118,15 @@ def _engine(item):
 
 
 def of_test(item):
-    """The tier of a collected test: of its engine if it has one, else the highest of its file and its fixtures."""
+    """The tier of a collected test: of engine and folder if it has an engine, else the highest of all its files."""
     if item.path.name == "test_one_drive.py":
         return TEST
     if item.get_closest_marker("realtime"):
         return ALL
     engine = _engine(item)
-    return ENGINES[engine] if engine in ENGINES else max(map(of_file, _files(item)))
+    if engine in ENGINES:
+        return max(ENGINES[engine], of_folder(item.path))
+    return max(map(of_file, _files(item)))
 
 
 def needs_pc_build(item):
