@@ -22,6 +22,7 @@ settings.register_profile(
     "any_machine", deadline=None, derandomize=not EXPLORE, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("any_machine")
+settings.register_profile("quick", max_examples=25)
 
 MOST_REALTIME = 40
 PC_BUILD = pathlib.Path("build/pc/libmrl_firmware.so")
@@ -64,6 +65,8 @@ def pytest_configure(config):
     _leave_home(config)
     gc.disable()  # each look for cycles would go through all of the thousands of tests that are collected
     config.add_cleanup(gc.enable)
+    if config.getoption("tier") == "quick":
+        settings.load_profile("quick")
     config.addinivalue_line("markers", "realtime: asserts a wall-clock limit; runs alone, after all others")
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False  # files by their number of tests: the longest have few

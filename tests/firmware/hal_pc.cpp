@@ -299,11 +299,12 @@ void pc_start(const PcWorld* outside, double time_us, uint16_t tick, int reset_f
   mrl::board::begin();
 }
 
-void pc_advance(double time_us) {
+double pc_advance(double time_us) {
   while (now_us < time_us) {
     pass_time(now_us + PASS_US);
     run_loop();
   }
+  return now_us;
 }
 
 void pc_stall(double time_us) {

@@ -24,7 +24,7 @@ enum PcResetFlag { PC_POWER_ON = 1, PC_EXTERNAL = 2, PC_BROWN_OUT = 4, PC_WATCHD
 // Starts the board at a time, with a 16-bit tick counter that begins at `first_tick`.
 void pc_start(const PcWorld* world, double time_us, uint16_t first_tick, int reset_flags, const uint8_t* eeprom);
 // Runs the loop until a time.
-void pc_advance(double time_us);
+double pc_advance(double time_us);
 // Lets time pass while the loop stands still.
 void pc_stall(double time_us);
 double pc_now_us();

@@ -79,13 +79,28 @@ def load(library: Path) -> Any:
     )
     for name in ("pc_advance", "pc_stall", "pc_set_host_baud"):
         getattr(native, name).argtypes = (ctypes.c_double,)
-    native.pc_now_us.restype = native.pc_longest_kick_gap_us.restype = ctypes.c_double
+    native.pc_now_us.restype = native.pc_advance.restype = native.pc_longest_kick_gap_us.restype = (
+        ctypes.c_double
+    )
     native.pc_eeprom.restype = _BYTES
     native.pc_decoder_arguments.restype = ctypes.POINTER(ctypes.c_int16)
     native.pc_edge.argtypes = (ctypes.c_int, ctypes.c_int, ctypes.c_double)
     native.pc_dust.argtypes = (ctypes.c_uint32,)
     native.pc_dust_per_litre.argtypes = (ctypes.c_uint32, ctypes.c_uint32)
     return native
+
+
+def _guarded(call: Callable[..., int]) -> Callable[..., int]:
+    """An exception cannot cross C: it is raised by `advance`."""
+
+    def guarded(self: "PcBoard", *args: Any) -> int:
+        try:
+            return call(self, *args)
+        except Exception as failure:  # noqa: BLE001 - raised again by advance
+            self._failure = self._failure or failure
+            return 0
+
+    return guarded
 
 
 class PcBoard:
@@ -126,7 +141,8 @@ class PcBoard:
             _ECHO(self._echo),
         )
         self._failure: Optional[BaseException] = None
-        self._register = b""
+        self._wheels = getattr(plant, "bridge", None)
+        self._sent = (ctypes.c_uint8 * 65536)()
         self.native: Any = None
         self._start(0.0, reset_flags, b"\xff" * EEPROM_SIZE if eeprom is None else bytes(eeprom))
 
@@ -139,24 +155,28 @@ class PcBoard:
 
     def advance(self, to_s: float) -> bytes:
         """Runs to `to_s` [s]; the bytes that left the board until then."""
-        if self._library == VIRTUAL or getattr(self.plant, "bridge", None) is None:
+        if self._library == VIRTUAL or self._wheels is None:
             self._advance_slice(to_s)
         else:
             self._advance_with_encoders(to_s)
-        buffer = (ctypes.c_uint8 * 65536)()
-        return bytes(buffer[: self.native.pc_sent(buffer, 65536)])
+        assert not self.native.pc_slept_too_long(), "the loop slept although something was due"
+        return ctypes.string_at(self._sent, self.native.pc_sent(self._sent, len(self._sent)))
 
     def _advance_with_encoders(self, to_s: float) -> None:
-        while self.native.pc_now_us() < to_s * 1e6:
-            self._advance_slice(min(to_s, self.now_s + EDGE_DELAY_S))
-            for edge in self.plant.bridge.take_edges():
+        now_us = self.native.pc_now_us()
+        while now_us < to_s * 1e6:
+            now_us = self._advance_slice(min(to_s, now_us * 1e-6 + EDGE_DELAY_S))
+            for edge in self._wheels.take_edges():
                 self.native.pc_edge(edge.pin, edge.level, (edge.time_s + EDGE_DELAY_S) * 1e6)
 
-    def _advance_slice(self, to_s: float) -> None:
-        self.native.pc_advance(to_s * 1e6)
-        self._raise_failure()
-        assert not self.native.pc_slept_too_long(), "the loop slept although something was due"
-        self.plant.advance(max(to_s, self.now_s))
+    def _advance_slice(self, to_s: float) -> float:
+        """The board's time after it [us]."""
+        now_us = float(self.native.pc_advance(to_s * 1e6))
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+        self.plant.advance(max(to_s, now_us * 1e-6))
+        return now_us
 
     def set_host_baud(self, baud: float) -> None:
         """The host's speed, both ways; at another speed than the board's the bytes turn into others."""
@@ -214,76 +234,49 @@ class PcBoard:
         self.native = load(self._library)
         self.native.pc_start(ctypes.byref(self._world), now_s * 1e6, self._first_tick, flags, eeprom)
 
-    def _guard(self, call: Callable[[], int]) -> int:
-        """An exception cannot cross C: it is raised by `advance`."""
-        try:
-            return call()
-        except Exception as failure:  # noqa: BLE001 - raised again by advance
-            self._failure = self._failure or failure
-            return 0
-
-    def _raise_failure(self) -> None:
-        failure, self._failure = self._failure, None
-        if failure is not None:
-            raise failure
-
+    @_guarded
     def _write(self, address: int, data: Any, count: int, time_us: float) -> int:
-        return self._guard(lambda: self._try_write(address, bytes(data[:count]), time_us * 1e-6))
-
-    def _try_write(self, address: int, data: bytes, time_s: float) -> int:
+        sent, time_s = ctypes.string_at(data, count), time_us * 1e-6
         slave = self.plant.i2c.get(address)
-        if slave is None or not getattr(slave, "present", True) or self.nack(address, data):
+        if slave is None or not getattr(slave, "present", True) or self.nack(address, sent):
             return 0
-        self._register = data
-        self.transfers.append((time_s, "write", address, data))
-        return int(slave.write(data, time_s) is not False)
+        self.transfers.append((time_s, "write", address, sent))
+        return int(slave.write(sent, time_s) is not False)
 
+    @_guarded
     def _read(self, address: int, data: Any, count: int, time_us: float) -> int:
-        return self._guard(lambda: self._try_read(address, data, count, time_us * 1e-6))
-
-    def _try_read(self, address: int, data: Any, count: int, time_s: float) -> int:
-        answer = self.plant.i2c[address].read(count, time_s)[:count].ljust(count, b"\xff")
-        self.transfers.append((time_s, "read", address, answer))
-        for place, value in enumerate(answer):
-            data[place] = value
+        answer = self.plant.i2c[address].read(count, time_us * 1e-6)[:count].ljust(count, b"\xff")
+        self.transfers.append((time_us * 1e-6, "read", address, answer))
+        ctypes.memmove(data, answer, count)
         return 1
 
+    @_guarded
     def _adc(self, channel: int, time_us: float) -> int:
-        return self._guard(lambda: self._count(channel, time_us * 1e-6))
+        return max(0, min(1023, math.floor(self.plant.adc_volts(channel, time_us * 1e-6) / VOLTS_PER_COUNT)))
 
-    def _count(self, channel: int, time_s: float) -> int:
-        return max(0, min(1023, math.floor(self.plant.adc_volts(channel, time_s) / VOLTS_PER_COUNT)))
-
-    def _pin(self, pin: int, level: int, time_us: float) -> None:
-        def change() -> int:
-            self.plant.pin_changed(pin, level, time_us * 1e-6)
-            return 0
-
-        self._guard(change)
+    @_guarded
+    def _pin(self, pin: int, level: int, time_us: float) -> int:
+        self.plant.pin_changed(pin, level, time_us * 1e-6)
+        return 0
 
     def _release(self, pin: int, time_us: float) -> None:
         """Resistors of the sonars hold an input low."""
         self._pin(pin, 0, time_us)
 
-    def _echo(self, pin: int, begin_us: Any, end_us: Any) -> None:
-        def find() -> int:
-            echo = self.plant.ranges.echo(pin)
-            begin_us[0], end_us[0] = (at_s * 1e6 for at_s in echo or (0.0, 0.0))
-            return 0
+    @_guarded
+    def _echo(self, pin: int, begin_us: Any, end_us: Any) -> int:
+        echo = self.plant.ranges.echo(pin)
+        begin_us[0], end_us[0] = (at_s * 1e6 for at_s in echo or (0.0, 0.0))
+        return 0
 
-        self._guard(find)
+    @_guarded
+    def _bridge(self, motor: int, pwm_a: int, pwm_b: int, logic: int, enable: int, time_us: float) -> int:
+        if self._wheels is not None:
+            shares = (pwm_a / FULL_DUTY, pwm_b / FULL_DUTY, logic / FULL_DUTY, enable / FULL_DUTY)
+            self._wheels.write(time_us * 1e-6, motor, *shares)
+        return 0
 
-    def _bridge(self, motor: int, pwm_a: int, pwm_b: int, logic: int, enable: int, time_us: float) -> None:
-        shares = [duty / FULL_DUTY for duty in (pwm_a, pwm_b, logic, enable)]
-
-        def write() -> int:
-            if getattr(self.plant, "bridge", None) is not None:
-                self.plant.bridge.write(time_us * 1e-6, motor, *shares)
-            return 0
-
-        self._guard(write)
-
+    @_guarded
     def _level(self, pin: int) -> int:
         """Lines that nothing drives are pulled up."""
-        bridge = getattr(self.plant, "bridge", None)
-        return self._guard(lambda: int(bridge.levels.get(pin, 1)) if bridge is not None else 1)
+        return 1 if self._wheels is None else int(self._wheels.levels.get(pin, 1))
