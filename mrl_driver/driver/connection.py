@@ -290,8 +290,8 @@ class Connection:
 
     @property
     def ready(self) -> bool:
-        """The board is greeted, and its telemetry is not stale."""
-        return self.core.begun and self.core.session.ready and self.error is None
+        """The board is greeted, its telemetry is not stale, and the driver is not closed."""
+        return self.core.begun and self.core.session.ready and self.error is None and not self.closing
 
     @property
     def stopped(self) -> bool:

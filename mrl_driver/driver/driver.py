@@ -345,7 +345,7 @@ class Driver:
 
     @property
     def ready(self) -> bool:
-        """The board is greeted, and its telemetry is not stale."""
+        """The board is greeted, its telemetry is not stale, and the driver is not closed."""
         return self._connection.ready
 
     @property

@@ -118,6 +118,13 @@ def test_a_close_from_a_callback_repeats_a_stop_that_was_lost(serve, monkeypatch
     driver.close()
 
 
+def test_a_driver_that_is_closed_is_not_ready_and_has_no_ranges(robot):
+    """They would be those of the end for ever."""
+    wait_until(lambda: robot.ready and robot.ranges)
+    robot.close()
+    assert not robot.ready and robot.ranges == {}
+
+
 def test_a_close_while_the_port_opens_ends_the_connecting(serve, monkeypatch):
     """As by Ctrl-C in another thread, with a host that does not answer."""
     closing, opening = threading.Event(), threading.Event()
