@@ -10,6 +10,10 @@ from typing import Any, NamedTuple, Tuple
 GRAVITY_M_S2 = 9.80665  # standard gravity, by definition (3rd CGPM, 1901)
 
 
+FARTHEST_M = 1e8
+"""Largest coordinate: more than any map needs, and small enough for cell indices of a grid, and for steps of 0.1 um."""
+
+
 class Pose(NamedTuple):
     """Position, and yaw in (-pi, pi], counter-clockwise from x."""
 

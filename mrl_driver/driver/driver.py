@@ -15,7 +15,7 @@ from typing import Any, Callable, Dict, Optional, Tuple, Type, TypeVar, Union, c
 
 from mrl_driver.arguments import require_function, require_kind, require_numbers, require_text, shown
 from mrl_driver.errors import BoardTimeout, ConfigError, MrlError
-from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
+from mrl_driver.geometry import FARTHEST_M, ORIGIN, Pose, wrap_angle
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot import models
@@ -513,12 +513,15 @@ class Driver:
         """Continue the odometry from `pose`, which has the covariance `spread`; counters and speeds do not change.
 
         Raises:
-            ConfigError: a part of the pose is not finite, `spread` is not a covariance, or the robot has no odometry.
+            ConfigError: a part of the pose is not finite or beyond 1e8 m, `spread` is not a covariance, or the robot has
+                no odometry.
         """
         if self.model is not None:
             self.model.require_odometry()
         with self._connection.stop_if_refused():
             x_m, y_m, yaw_rad = require_numbers("pose", pose, Pose._fields)
+            for name, at_m in (("x_m", x_m), ("y_m", y_m)):  # far away, steps would be lost by rounding
+                require_range(f"{name} of the pose", at_m, -FARTHEST_M, FARTHEST_M, "m", whole=False)
             spread = _require_spread(spread)
         with self._connection.lock:
             if self._core.state.odometry is not None:

@@ -4,9 +4,8 @@ import math
 from typing import Any
 
 from mrl_driver import geometry
-from mrl_driver.geometry import Pose
+from mrl_driver.geometry import FARTHEST_M, Pose
 
-FARTHEST_M = 1e8  # Largest coordinate: more than any map needs, and small enough for cell indices of a grid
 _LEAST_LENGTH = 1e-3  # A shorter quaternion has no direction
 
 

@@ -60,6 +60,7 @@ NO_NUMBER = {
 }
 INFINITE = {"infinity": math.inf, "minus infinity": -math.inf, "decimal infinity": Decimal("Infinity")}
 NO_SPEED = {**NO_NUMBER, **INFINITE}
+FAR = {**NO_SPEED, "far away": 1.001e8}
 NO_WHOLE = {**NO_SPEED, "half": 0.5}
 NO_LIMIT = {**NO_NUMBER, "minus infinity": -math.inf, "zero": 0.0, "negative": -0.1}
 NO_TIME = {name: value for name, value in NO_NUMBER.items() if value is not None}
@@ -110,8 +111,8 @@ CALLS = {
     "recorder.remark": {"remark": (lambda driver, bad: driver.recorder.remark(bad), NO_TEXT)},
     "reset_pose": {
         "pose": (lambda driver, bad: driver.reset_pose(bad), NO_TEXT),
-        "x_m": (lambda driver, bad: driver.reset_pose((bad, 0.0, 0.0)), NO_SPEED),
-        "y_m": (lambda driver, bad: driver.reset_pose((0.0, bad, 0.0)), NO_SPEED),
+        "x_m": (lambda driver, bad: driver.reset_pose((bad, 0.0, 0.0)), FAR),
+        "y_m": (lambda driver, bad: driver.reset_pose((0.0, bad, 0.0)), FAR),
         "yaw_rad": (lambda driver, bad: driver.reset_pose((0.0, 0.0, bad)), NO_SPEED),
         "covariance": (lambda driver, bad: driver.reset_pose((0.0, 0.0, 0.0), bad), NO_TEXT),
         "xx of the covariance": (
