@@ -513,8 +513,8 @@ class Driver:
         """Continue the odometry from `pose`, which has the covariance `spread`; counters and speeds do not change.
 
         Raises:
-            ConfigError: a part of the pose is not finite or beyond 1e8 m, `spread` is not a covariance, or the robot has
-                no odometry.
+            ConfigError: a part of the pose is not finite or beyond 1e8 m, `spread` is not a covariance, or the robot
+                has no odometry.
         """
         if self.model is not None:
             self.model.require_odometry()
