@@ -37,8 +37,12 @@ sets 33 or 32 to 0.  The end of the checksum after 2 s without a frame does not 
 deliver an old move after that.  Hosts of 2013 send neither command, so a move always drives their robots.
 
 A move above the ceilings of parameters 10 and 11 is scaled down as a whole, so the arc keeps its radius.  The move is
-counted.  A ceiling of 32767 means no limit.  The motor board stores the prescalers of command 3.  After a loss of its
-power, the Uno sends it all values that come from the parameters again.
+counted.  A ceiling of 32767 means no limit.
+
+A prescaler (3) is in force until another one is set, the host sends 32, or the Uno restarts; then each pulse is a count
+again, so that no program inherits those of another one.  The motor board writes prescalers to its EEPROM, so the Uno
+sends it one only if it changes.  When the Uno starts, and after a loss of the motor board's power, it sends all
+prescalers and all values that come from the parameters.
 
 The board reads the counters on each request.  If the read fails, it sends nothing; a reply to 6 or 8 whose first bytes
 were already sent stays unfinished.  Boards with robot id 6 or higher that have never found a motor board send 999 in

@@ -56,11 +56,6 @@ for _name in ("start_omni_stream", SENSOR_STREAM):
 WHEEL_STREAM = "start_wheel_stream"
 _ANSWERS[_CODE[WHEEL_STREAM]] = (_CODE["read_wheels"],)
 _ANSWERS[_CODE["start_stream"]] = (_CODE["read_encoders_and_sonars"], _CODE["read_encoders"])
-
-
-_ENCODERS = {"start_stream": (1, 3), "start_omni_stream": (1, 2, 3)}
-"""Encoders whose counts a stream has.  Each pulse must be one: the motor board keeps what another program has set,
-in an EEPROM that must not be written at each interruption."""
 _WHEELS = {"start_omni_stream": ("omni", "three"), WHEEL_STREAM: ("wiring", "four")}
 """Capability of a board with such a stream, and its number of wheels."""
 
@@ -146,7 +141,6 @@ class Handshake:
             capabilities, and after the board has identified itself with a checksum.
         now: time of the start [s].
         patient: never give up; used after a board's restart.
-        counted: the driver has set one count a pulse on this link before.
         timeout_s: time for the first answer [s].
     """
 
@@ -157,11 +151,9 @@ class Handshake:
         admit: Callable[[Board], Optional[str]],
         now: float,
         patient: bool = False,
-        counted: bool = False,
         timeout_s: float = TIMEOUT_S,
     ) -> None:
         self._plan, self._send, self._admit, self._patient = plan, send, admit, patient
-        self._counted = counted
         self._give_up_s = now + timeout_s
         self.due_s = now  # time of the next `tick` [s]
         self.board: Optional[Board] = None
@@ -416,8 +408,9 @@ class Handshake:
             yield from self._plain_program()
             return
         yield (_CODE["read_protocol"],)
-        if "check" in self.board.capabilities and not (self._sure and not self._plan.check):
-            yield (_CODE["set_check"], int(self._plan.check))  # 0: moves need no checksum any more
+        if "check" in self.board.capabilities:  # also makes each pulse a count again
+            # After 0, moves need no checksum any more.
+            yield (_CODE["set_check"], int(self._plan.check or self._sure))
             if self._plan.check and not self._sure:
                 yield (_CODE["robot_info"],)
                 yield (_CODE["read_protocol"],)
@@ -429,8 +422,6 @@ class Handshake:
             yield (_CODE["read_board"],)
         yield (_CODE["read_status"],)
         if self._plan.stream:
-            for encoder in _ENCODERS.get(self.stream, ()) if self._sure and not self._counted else ():
-                yield (_CODE["set_encoder_prescaler"], encoder, 0)
             yield (_CODE[self.stream], self._plan.period_ms)
 
     def _plain_program(self) -> Iterator[Tuple[int, ...]]:

@@ -112,7 +112,6 @@ class Session:
         self._restarted, self._lost_before = True, 0  # frames lost before the greeting
         # Start time of the board [s], from its last status, and from the last one before the greeting.
         self._boot_s = self._boot_before_s = math.nan
-        self._counted = False  # one count a pulse is set on this link
         # Work that is due before the next frame is done with the current one, which saves a wake-up [s].
         self.lead_s = self.motion.lead_s = plan.period_ms / 1000
         self._poll = Poll(self._send, self.counters, self.lead_s)
@@ -234,7 +233,6 @@ class Session:
         `same` says that it is the same board as before; then it may not have restarted.
         """
         self._decoder = FrameDecoder(REPLIES, self.checked)
-        self._counted = False
         self.lose(now)
         self._restarted = not (self.checked and same)
         if not same:
@@ -634,15 +632,12 @@ class Session:
             self._boot_before_s = self._boot_s if long_up else math.nan
             self._lost_before = self.counters.lost
         self._status_heard_s = -math.inf
-        self._greeting = Handshake(
-            self._plan, self._send, self._admit, now, patient=True, counted=self._counted
-        )
+        self._greeting = Handshake(self._plan, self._send, self._admit, now, patient=True)
 
     def _begin(self, now: float, events: List[SessionEvent]) -> None:
         """The board streams: it is ready from now on."""
         greeting, self._greeting = self._greeting, None
         assert greeting is not None and greeting.board is not None
-        self._counted = True
         again, self.board = self.board is not None, greeting.board
         streams = self._plan.stream
         if not again and streams:

@@ -440,7 +440,7 @@ class BridgeControl(Motors):
             self._wheels[wheel].go_to(self._wheel_travel(wheel) + way, _share_of(percent))
         return not self._stopped_by_input(now_s)
 
-    def _set_encoder_prescaler(self, now_s: float, encoder: int, value: int) -> bool:
+    def set_prescaler(self, now_s: float, encoder: int, value: int) -> bool:
         if encoder in _SIDES:
             self._counters[_SIDES[encoder]].set_prescaler(value, self._travel(now_s, _SIDES[encoder]))
         return encoder in _SIDES

@@ -48,6 +48,8 @@ def _set_debug(board: Board, on: int) -> None:
 
 def _set_check(board: Board, on: int) -> None:
     board.ask_for_checks(bool(on))
+    for encoder in (1, 2, 3):  # not that of another host
+        board.motors.set_prescaler(board.now_s, encoder, 0)
     board.ask("set_check", on)
 
 
@@ -116,6 +118,11 @@ def _set_pid_gains(board: Board, kp: int, ki: int, kd: int) -> None:
     if board.require_motors() and (kp, ki, kd) != (config["kp"], config["ki"], config["kd"]):
         config["kp"], config["ki"], config["kd"] = kp, ki, kd
         board.motors.refresh(board.now_s, "kp")
+
+
+def _set_encoder_prescaler(board: Board, encoder: int, value: int) -> None:
+    if board.require_motors() and not board.motors.set_prescaler(board.now_s, encoder, value):
+        board.refuse("unavailable")
 
 
 def _stop(board: Board) -> None:
@@ -313,7 +320,7 @@ def _value(_: Board, value: int) -> Values:
 
 
 _SENSOR_STREAMS = ("sensor_stream", "sensor_ldr_stream", "compass_stream")
-_ENCODER_SETTINGS = ("set_encoder_prescaler", "preset_encoder", "reset_encoders")
+_ENCODER_SETTINGS = ("preset_encoder", "reset_encoders")
 REQUESTS: Dict[str, Callable[..., None]] = {
     **{row.name: partial(_ask, row) for row in table.COMMANDS if row.reply and not row.request},
     **{
@@ -328,6 +335,7 @@ REQUESTS: Dict[str, Callable[..., None]] = {
     "start_imu_stream": lambda board, period: board.start_imu_stream(period),
     "stop_imu_stream": _stop_imu_stream,
     "set_pid_gains": _set_pid_gains,
+    "set_encoder_prescaler": _set_encoder_prescaler,
     "stop": _stop,
     "set_servo": _set_servo,
     "set_debug": _set_debug,

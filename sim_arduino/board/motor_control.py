@@ -22,6 +22,7 @@ class MotorControl(Motors):
     ) -> None:
         self.driver = driver
         self.ever_found = False
+        self._prescalers = {1: 0, 2: 0, 3: 0}
         self._config, self._health, self._advance = config, health, advance
 
     # ---- presence and set-up
@@ -72,6 +73,8 @@ class MotorControl(Motors):
             driver.set_ramp(now_s, config["ramp_time"], config["ramp_gain"])
         if changed in (None, "motor_timeout"):
             driver.set_timeout(now_s, config["motor_timeout"])
+        for encoder, value in self._prescalers.items() if changed is None else ():
+            driver.set_prescaler(now_s, encoder, value)
 
     # ---- readings
 
@@ -95,6 +98,12 @@ class MotorControl(Motors):
         if self.there(now_s):
             self.driver.stop(now_s)
 
+    def set_prescaler(self, now_s: float, encoder: int, value: int) -> bool:
+        if self._prescalers[encoder] != value and self.there(now_s):
+            self.driver.set_prescaler(now_s, encoder, value)
+        self._prescalers[encoder] = value
+        return True
+
     def carry_out(self, now_s: float, row: Command, *values: int) -> bool:
         there = self.there(now_s)
         if row.turns:
@@ -113,7 +122,6 @@ def _reset_encoders(driver: Omni3MD, now_s: float) -> None:
 
 _REQUESTS: Dict[str, Callable[..., None]] = {
     "calibrate": Omni3MD.calibrate,
-    "set_encoder_prescaler": Omni3MD.set_prescaler,
     "preset_encoder": Omni3MD.preset_encoder,
     "reset_encoders": _reset_encoders,
     "move_motors_pid": lambda driver, now_s, left, right: driver.move_percent(now_s, (left, 0, right), True),

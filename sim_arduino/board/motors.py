@@ -63,5 +63,8 @@ class Motors(Protocol):
         """What the back end adds to the reply to `read_status`."""
         return ()
 
+    def set_prescaler(self, now_s: float, encoder: int, value: int) -> bool:
+        """10^`value` pulses of an encoder are a count; returns whether there is this encoder."""
+
     def carry_out(self, now_s: float, row: Command, *values: int) -> bool:
         """Carries out a request that moves the motors or sets them up; returns whether it could."""

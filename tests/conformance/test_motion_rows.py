@@ -2,9 +2,12 @@
 
 import pytest
 
+from mrl_driver.driver import Options
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import BY_NAME, COMMANDS
 from sim_arduino.board.python_board import CHECK_SILENCE_S
+from tests.scripted_line import ScriptedLine
 
 SPEED_M_S = 0.01
 """How near a wheel comes to the speed that was asked for; an OMNI-3MD rounds, and an encoder's edges are 5 ms apart."""
@@ -12,6 +15,7 @@ REACHED_COUNTS = 3
 POSITION_S = 4.0  # Longer than any positional move here
 RELEASED_S = 0.005  # From the last bit of a request, or the end of the wait for one, to motors without drive
 ROLL_OUT_S = 1.0
+STRAIGHT_RAD = 0.02
 DRIVE = ("move_differential", 200, 0)
 
 
@@ -99,7 +103,7 @@ def test_a_move_after_a_stop_drives_again(bench):
 
 def test_a_move_right_behind_a_stop_lasts(bench):
     """A prescaler keeps a motor board busy; the stop that is repeated afterwards stays ahead of the move."""
-    bench.send(b"@3,1,0e@11,200,0e@13e@11,100,0e", wait_s=bench.ramped_s)
+    bench.send(b"@3,2,1e@11,200,0e@13e@11,100,0e", wait_s=bench.ramped_s)
     assert bench.wheels() == pytest.approx((0.1, 0.1), abs=SPEED_M_S)
     assert bench.stop_reason() == "none"
 
@@ -123,6 +127,21 @@ def test_a_prescaled_counter_counts_a_tenth(bench):
     speeds(bench, *DRIVE)
     right, left = bench.reply("read_encoders")
     assert left > 1000 and right == pytest.approx(left / 10, rel=0.02)
+
+
+@pytest.mark.parametrize("lost", [0, 1], ids=["", "a request is lost"])
+@pytest.mark.parametrize("check", [True, False])
+def test_a_greeting_ends_the_prescalers_of_another_program(bench, check, lost):
+    """Straight ahead, a wheel with a tenth of its counts is a turn."""
+    bench.ask("set_encoder_prescaler", 3, 1, wait_s=0.1)
+    losses = [b""] * lost
+    line = ScriptedLine(bench.board)
+    line.to_board = lambda data: losses.pop() if losses and b"@32," in data else data
+    with SteppedDriver(line, bench.model, Options(check=check, virtual=bench.motors == "virtual")) as driver:
+        driver.drive(0.2, 0.0)
+        driver.wait(0.48)  # the command ends after 0.5 s
+        assert driver.pose.x_m > 0.01 and driver.pose.yaw_rad == pytest.approx(0.0, abs=STRAIGHT_RAD)
+    assert not losses
 
 
 def test_reset_encoders_sets_both_counters_to_0(bench):

@@ -29,7 +29,7 @@ def test_reaches_the_motor_board(bench, name, args, reached):
 
 
 def test_set_up_of_the_motor_board(make):
-    """Boot stops the motors, then tells geometry, gains, ramp and I2C timeout."""
+    """Boot stops the motors, then tells geometry, gains, ramp, I2C timeout, and one count a pulse."""
     bench = make(wake=False)
     bench.run(0.4)
     assert bench.commands() == [
@@ -38,6 +38,7 @@ def test_set_up_of_the_motor_board(make):
         (0xF4, 700, 400, 200),
         (0xEC, 2500, 0),
         (0xF1, 3),
+        *((0xF0, encoder, 0) for encoder in (1, 2, 3)),
     ]
 
 
@@ -88,7 +89,53 @@ def test_a_motor_board_that_comes_back_is_stopped_and_set_up(bench):
     bench.run(0.3)
     bench.ask("read_encoders")
     codes = [command[0] for command in bench.commands()]
-    assert codes == [0xFC, 0xEA, 0xF4, 0xEC, 0xF1]
+    assert codes == [0xFC, 0xEA, 0xF4, 0xEC, 0xF1, 0xF0, 0xF0, 0xF0]
+
+
+def lose(bench):
+    bench.plant.motor_board.present = False
+    bench.ask("read_encoders", wait_s=0.3)
+
+
+def prescalers_of_one_that_comes_back(bench):
+    bench.commands()
+    bench.plant.motor_board.present = True
+    bench.run(0.3)
+    return [command[1:] for command in bench.commands() if command[0] == 0xF0]
+
+
+@pytest.mark.parametrize("name, args, left", [("get_stream", (), 1), ("set_check", (1,), 0)])
+def test_a_motor_board_that_comes_back_gets_its_prescalers_unless_a_session_has_begun(
+    bench, name, args, left
+):
+    """It may be another one."""
+    bench.ask("set_encoder_prescaler", 3, 1, wait_s=0.1)
+    lose(bench)
+    bench.ask(name, *args)
+    assert prescalers_of_one_that_comes_back(bench) == [(1, 0), (2, 0), (3, left)]
+
+
+def test_a_prescaler_that_was_refused_is_forgotten(bench):
+    lose(bench)
+    bench.ask("set_encoder_prescaler", 3, 1)
+    assert prescalers_of_one_that_comes_back(bench) == [(1, 0), (2, 0), (3, 0)]
+
+
+@pytest.mark.parametrize(
+    "name, args, told",
+    [
+        ("set_encoder_prescaler", (3, 1), []),
+        ("set_check", (0,), [(0xF0, 3, 0)]),
+        ("set_check", (1,), [(0xF0, 3, 0)]),
+    ],
+)
+def test_a_prescaler_that_is_known_is_not_written_again(bench, name, args, told):
+    """Each time would write the motor board's EEPROM."""
+    bench.ask("set_encoder_prescaler", 3, 1, wait_s=0.1)
+    bench.commands()
+    for _ in range(2):
+        bench.ask(name, *args)
+    assert bench.commands() == told
 
 
 # ---- three wheels across

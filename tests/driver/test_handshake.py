@@ -410,6 +410,13 @@ def test_a_board_that_is_sure_is_not_asked_twice():
     assert hello.ask(1, CHECKED) == [[33]]
 
 
+def test_a_checksum_that_is_on_already_stays():
+    """Whether this driver wants it or not; the request also ends what another program has set."""
+    hello = Hello(handshake.Plan(check=False)).hear(CHECKED, INFO, protocol(CHECK))
+    hello.ask(1, CHECKED)
+    assert ((SET_CHECK, 1), CHECKED) in hello.sent
+
+
 def test_a_board_without_a_watchdog_gets_none():
     assert Hello(handshake.Plan(check=False)).hear(CHECKED, INFO, protocol(0)).ask() == [[30]]
 

@@ -193,15 +193,6 @@ def test_a_board_that_ran_on_keeps_its_baseline_unless_another_answered_meanwhil
     assert [event.restarted for event in relinked(same).seen(Ready)] == [not same]
 
 
-def test_one_count_a_pulse_is_set_once_on_each_link():
-    """Another program may have divided the counts meanwhile; a restart of the board spares the motor board's EEPROM."""
-    talk = relinked(same=True)
-    talk.board.reset(talk.now)
-    talk.events.clear()
-    talk.until_ready()
-    assert len(re.findall(rb"@3,[13],0", talk.sent_since(0.0))) == 2 * 2
-
-
 # -- motion
 
 

@@ -114,20 +114,3 @@ def test_a_pause_is_known_until_the_next_one(robot, speeds):
     assert robot.link.since_pause_s < 0.05
     robot.wait(1.0)
     assert robot.link.since_pause_s == pytest.approx(1.0, abs=0.05)
-
-
-@pytest.mark.parametrize("name", ["traxbot", "duo", "omni"])
-def test_counts_are_pulses_though_another_program_has_divided_them(close_later, name):
-    """The motor board keeps a prescaler: the odometry of the next program was a tenth of the way."""
-    emulated = close_later(factory.make(factory.Options(robot=name)))
-    with SteppedDriver(emulated.engine) as other:
-        for encoder in (1, 2, 3) if name == "omni" else (1, 3):
-            other.request(BY_NAME["set_encoder_prescaler"].code, encoder, 1)
-    before = emulated.plant.true_pose
-    with SteppedDriver(emulated.engine, options=LASTING) as robot:
-        robot.drive(0.1, 0.0)
-        robot.wait(1.0)
-        robot.stop()
-        robot.wait(BRAKING_S)
-        way_m = math.dist(emulated.plant.true_pose[:2], before[:2])
-        assert way_m > 0.05 and robot.pose.x_m == pytest.approx(way_m, rel=0.02)

@@ -11,7 +11,7 @@ from sim_arduino.hardware.wiring import Plant
 from tests import models
 from tests.firmware.pc_board import PcBoard
 
-BOOT_S = 0.1  # The motor board's set-up takes 55 ms of EEPROM pauses
+BOOT_S = 0.1  # The motor board's set-up takes 80 ms of EEPROM pauses
 
 
 class Bench:

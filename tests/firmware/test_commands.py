@@ -133,7 +133,7 @@ def test_a_move_behind_the_stop_is_carried_out_after_its_repetition(bench):
     for phase in range(14):
         board = bench()
         board.run(phase * TICK_S / 2)
-        board.raw(b"@3,1,0e@11,200,0e@13e@11,100,0e", wait_s=0.05)
+        board.raw(b"@3,1,1e@11,200,0e@13e@11,100,0e", wait_s=0.05)
         moved = b"\xeb" + word(100) + word(0)
         assert board.writes()[1:] == [STOP, STOP, moved]
 

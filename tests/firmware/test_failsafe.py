@@ -159,7 +159,10 @@ def test_a_stop_drops_the_move_that_hangs_on_the_bus(bench):
     assert board.writes() == [STOP]
 
 
-@pytest.mark.parametrize("part", [0xEA, 0xF4, 0xEC, 0xF1], ids=["geometry", "gains", "ramp", "timeout"])
+PARTS = {"geometry": 0xEA, "gains": 0xF4, "ramp": 0xEC, "timeout": 0xF1, "prescaler": 0xF0}
+
+
+@pytest.mark.parametrize("part", PARTS.values(), ids=PARTS)
 def test_a_part_of_the_set_up_that_was_refused_is_sent_again(bench, part):
     board = bench()
     board.plant.motor_board.present = False
@@ -168,7 +171,7 @@ def test_a_part_of_the_set_up_that_was_refused_is_sent_again(bench, part):
     board.plant.motor_board.present = True
     refuse(board, part, 1)
     board.run(0.3)
-    assert sorted(data[0] for data in board.writes()) == [0xEA, 0xEC, 0xF1, 0xF4, 0xFC]
+    assert sorted(data[0] for data in board.writes()) == sorted([*PARTS.values(), *[0xF0] * 2, STOP[0]])
 
 
 def test_a_hung_bus_is_flagged_and_does_not_block(bench):

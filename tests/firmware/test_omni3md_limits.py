@@ -10,7 +10,8 @@ from tests.firmware.test_failsafe import FAULT, STOP, refuse
 
 ADDRESS = 0x18
 VERSION, DECIMALS, BATTERY, TEMPERATURE = 0xFE, 0xFD, 0xD5, 0xD4
-GEOMETRY, GAINS, RAMP, TIMEOUT, PRESET, COUNTS, MOVE = 0xEA, 0xF4, 0xEC, 0xF1, 0xEF, 0xD8, 0xEB
+GEOMETRY, GAINS, RAMP, TIMEOUT, PRESCALER = 0xEA, 0xF4, 0xEC, 0xF1, 0xF0
+PRESET, COUNTS, MOVE = 0xEF, 0xD8, 0xEB
 HALF_MS = 0.5e-3
 PASS_S = 16e-6
 BIT_S = 2.5e-6  # 400 kHz
@@ -67,7 +68,7 @@ def on_the_bus(board) -> List[Tuple[str, bytes]]:
 def test_the_start_byte_by_byte(answering):
     """A stop, four questions, and the set-up; then the polls, battery and temperature by turns."""
     board = answering()
-    board.run(0.1)
+    board.run(0.14)
     asked = [
         (VERSION, ANSWERS[VERSION]), (DECIMALS, ANSWERS[DECIMALS]),
         (BATTERY, ANSWERS[BATTERY]), (TEMPERATURE, ANSWERS[TEMPERATURE]),
@@ -77,6 +78,7 @@ def test_the_start_byte_by_byte(answering):
         bytes([GAINS]) + word(700) + word(400) + word(200),
         bytes([RAMP]) + word(2500) + word(0),
         bytes([TIMEOUT]) + b"\x03\xaa\x03\x55",
+        *(bytes([PRESCALER, encoder]) + b"\x00\xaa\x55" for encoder in (1, 2, 3)),
     ]
     questions = [part for code, answer in asked for part in (("write", bytes([code])), ("read", answer))]
     polls = questions[4:]
@@ -137,38 +139,20 @@ def test_information_of_a_board_that_is_asked_again_is_0_or_its_own(answering):
         assert temperature in (0, -500) and battery in (0, 2910)
 
 
-@pytest.mark.parametrize("first_tick", [0, 60000])
-def test_the_first_poll_gives_way_to_a_request_that_arrives(bench, first_tick):
-    """Until 64 ms have passed since the start, whatever the clock shows then."""
-    board = bench(boot=False, first_tick=first_tick)
-    board.run(0.02)
-    board.forget()
-    board.raw(b"@11,1", wait_s=0.1)
-    assert board.write_times(BATTERY)[0] == pytest.approx(0.064, abs=HALF_MS)
-
-
 PHASES = [part * TICK_S / 4 for part in range(4)]  # Times within a tick of the board's clock [s]
 
 
 @pytest.mark.parametrize("phase_s", PHASES)
 def test_each_part_of_the_set_up_pauses_for_the_eeprom(bench, phase_s):
-    """20, 15, 10 and 5 ms."""
+    """20, 15, 10 and 5 ms, and 10 ms for each prescaler."""
     board = bench()
     board.run(phase_s)
     board.send("default_config", wait_s=0.0)
-    board.send("preset_encoder", 1, 0, wait_s=0.1)
+    board.send("preset_encoder", 1, 0, wait_s=0.15)
     writes = [(t, data) for t, kind, at, data in board.board.transfers if kind == "write" and len(data) > 1]
-    assert [data[0] for _, data in writes] == [GEOMETRY, GAINS, RAMP, TIMEOUT, PRESET]
+    assert [data[0] for _, data in writes] == [GEOMETRY, GAINS, RAMP, TIMEOUT, *[PRESCALER] * 3, PRESET]
     pauses = [end - transfer_s(data) - begin for (begin, _), (end, data) in zip(writes, writes[1:])]
-    assert pauses == pytest.approx([0.020, 0.015, 0.010, 0.005], abs=TICK_S)
-
-
-def test_a_prescaler_pauses_for_the_eeprom(bench):
-    board = bench()
-    board.send("set_encoder_prescaler", 3, 0, wait_s=0.0)
-    board.send("preset_encoder", 1, 0)
-    (begin,), (end,) = board.write_times(0xF0), board.write_times(PRESET)
-    assert end - transfer_s(board.writes(PRESET)[0]) - begin == pytest.approx(0.010, abs=TICK_S)
+    assert pauses == pytest.approx([0.020, 0.015, 0.010, 0.005, *[0.010] * 3], abs=TICK_S)
 
 
 @pytest.mark.parametrize("command", [b"@4,1,5e", b"@11,100,0e"])
@@ -301,15 +285,6 @@ def test_a_stop_in_the_first_millisecond_leaves_the_answers_in_place(answering):
     assert [frame.args[:3] for frame in board.frames()] == [(-500, 307, 2910)]
 
 
-def test_a_prescaler_does_not_shorten_the_pauses_of_the_set_up_behind_it(bench):
-    board = bench()
-    board.send("set_encoder_prescaler", 3, 0, wait_s=0.015)
-    board.forget()
-    board.send("default_config", wait_s=0.1)
-    (begin,), (end,) = board.write_times(GEOMETRY), board.write_times(GAINS)
-    assert end - begin > 0.020
-
-
 def test_counts_are_read_behind_a_command_that_waits(bench):
     board = bench()
     board.board.gap(board.board.now_s + 0.01, b"@4,1,77e@4,3,78e@6e")
@@ -319,7 +294,7 @@ def test_counts_are_read_behind_a_command_that_waits(bench):
 
 def test_counts_are_not_taken_for_battery_or_temperature(answering):
     board = answering(counts=word(777) * 3)
-    board.run(0.06)
+    board.run(0.1)
     for _ in range(2):
         board.forget()
         board.ask("read_encoders", wait_s=0.003)
@@ -408,7 +383,7 @@ MOVES = {
     "move_to_position": (1, 20, 500),
     "move_omni": (20, 0, 0),
 }
-OTHERS = {"preset_encoder": (1, 5), "set_encoder_prescaler": (3, 0)}
+OTHERS = {"preset_encoder": (1, 5), "set_encoder_prescaler": (3, 1)}
 
 
 @pytest.mark.parametrize("name", [*MOVES, *OTHERS])

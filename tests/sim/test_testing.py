@@ -25,7 +25,7 @@ def shared():
 
 def test_an_assertion_that_does_not_hold_tells_what_came(shared):
     with pytest.raises(
-        AssertionError, match=r"not within 0.01 s: command move_omni\(1,\); .*set_timeout\(3,\)"
+        AssertionError, match=r"not within 0.01 s: command move_omni\(1,\); .*set_prescaler\(3, 0\)"
     ):
         shared.motors.assert_commanded("move_omni", 1, within_s=0.01)
 

@@ -69,6 +69,7 @@ void set_check(const int16_t* args, uint8_t) {
   failsafe::set_check(args[0]);
   commands::decoder.asked = args[0];
   failsafe::final = failsafe::final && args[0];
+  for (uint8_t encoder = 1; encoder <= 3; encoder++) motor::set_prescaler(encoder, 0);  // not that of another host
   answers::ask(SET_CHECK, args[0]);
 }
 

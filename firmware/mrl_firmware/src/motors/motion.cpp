@@ -92,7 +92,7 @@ void set_pid_gains(const int16_t* args, uint8_t) {
 }
 
 void set_encoder_prescaler(const int16_t* args, uint8_t) {
-  require(motor::set_prescaler(static_cast<uint8_t>(args[0]), static_cast<uint8_t>(args[1])));
+  require(motor::available() && motor::set_prescaler(static_cast<uint8_t>(args[0]), static_cast<uint8_t>(args[1])));
 }
 
 void preset_encoder(const int16_t* args, uint8_t) {

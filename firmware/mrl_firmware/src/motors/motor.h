@@ -38,7 +38,7 @@ bool move_position(uint8_t motor, int16_t speed, int16_t position);
 bool move_omni(uint8_t speed, int16_t rotation, int16_t direction);
 // Lets the motor board measure its motors, which turns them.
 bool calibrate();
-// Encoders have the numbers of their motors.
+// Encoders have the numbers of their motors.  A count takes 10^`value` pulses; false without this encoder.
 bool set_prescaler(uint8_t encoder, uint8_t value);
 bool preset_encoder(uint8_t encoder, int16_t count);
 bool reset_encoders();

@@ -30,7 +30,10 @@ constexpr uint8_t FAILURES_ALLOWED = 4;
 enum class Presence : uint8_t { absent, asking, present };
 // The order of requests to a board that has appeared; the first is a stop.
 enum class Ask : uint8_t { stop, version, decimals, battery, temperature, done };
-enum SetUp : uint8_t { SET_GEOMETRY = 1, SET_GAINS = 2, SET_RAMP = 4, SET_TIMEOUT = 8, SET_ALL = 15 };
+// The bits of the other two prescalers follow that of the first.
+enum SetUp : uint8_t {
+  SET_GEOMETRY = 1, SET_GAINS = 2, SET_RAMP = 4, SET_TIMEOUT = 8, SET_PRESCALER = 16, SET_ALL = 127
+};
 enum class Kind : uint8_t { stop, ask, set_up, command, counts, poll };
 
 Queue queue;
@@ -45,6 +48,7 @@ Ask ask_step;
 Kind kind;
 CountsState state;
 uint8_t set_up_todo, set_up_now;
+uint8_t prescalers[3];
 uint8_t failures;
 bool found, known;
 bool paused, eeprom_busy;
@@ -146,7 +150,7 @@ void take_answer() {
   found = known = true;
 }
 
-// ---- set-up: the settings of the configuration, in parts that are sent one by one
+// ---- set-up: parameters and prescalers, in parts that are sent one by one
 
 Message set_up_message(uint8_t part) {
   switch (part) {
@@ -163,9 +167,13 @@ Message set_up_message(uint8_t part) {
           .word(config::get(Parameter::kd));
     case SET_RAMP:
       return Message(RAMP, 10).word(config::get(Parameter::ramp_time)).word(config::get(Parameter::ramp_gain));
-    default: {
+    case SET_TIMEOUT: {
       const uint8_t timeout = static_cast<uint8_t>(config::get(Parameter::motor_timeout));
       return Message(TIMEOUT, 5).byte(timeout).byte(KEY_1).byte(timeout).byte(KEY_2);
+    }
+    default: {
+      const uint8_t index = static_cast<uint8_t>(part / (2 * SET_PRESCALER));
+      return Message(PRESCALER, 10).byte(static_cast<uint8_t>(index + 1)).byte(prescalers[index]).keys();
     }
   }
 }
@@ -203,7 +211,6 @@ void succeed() {
   failures = 0;
   if (kind == Kind::ask) take_answer();
   if (kind == Kind::set_up) pause_for_eeprom(set_up_message(set_up_now).pause_ms);
-  if (kind == Kind::command) pause_for_eeprom(current.pause_ms);
   if (kind == Kind::counts) take_counts();
   if (kind == Kind::poll) take_poll();
   if (presence == Presence::present) status::set_fault(FAULT_MOTOR_BOARD, false);
@@ -253,10 +260,7 @@ bool send(const Message& message) {
 
 }  // namespace
 
-void begin() {
-  last_poll = board_clock::now();
-  start_asking();
-}
+void begin() { start_asking(); }
 
 void service() {
   if (presence == Presence::absent && board_clock::passed(absent_since, retry_presence)) start_asking();
@@ -292,7 +296,12 @@ bool move_omni(uint8_t speed, int16_t rotation, int16_t direction) {
 
 bool calibrate() { return send(Message(CALIBRATE_MOTORS).byte(1).byte(1).byte(1).keys()); }
 
-bool set_prescaler(uint8_t encoder, uint8_t value) { return send(Message(PRESCALER, 10).byte(encoder).byte(value).keys()); }
+bool set_prescaler(uint8_t encoder, uint8_t value) {
+  const uint8_t index = static_cast<uint8_t>(encoder - 1);
+  if (prescalers[index] != value) set_up_todo = static_cast<uint8_t>(set_up_todo | SET_PRESCALER << index);
+  prescalers[index] = value;
+  return true;
+}
 
 bool preset_encoder(uint8_t encoder, int16_t count) { return send(Message(PRESET).byte(encoder).word(count).keys()); }
 

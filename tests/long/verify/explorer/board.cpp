@@ -89,6 +89,7 @@ int motor_write(uint8_t address, const uint8_t* data, int count, double time_us)
       motors.busy_us = time_us + 15 * MS;
       break;
     case 0xEC:
+    case 0xF0:
       motors.busy_us = time_us + 10 * MS;
       break;
     case 0xEA:
