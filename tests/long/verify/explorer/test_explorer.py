@@ -37,7 +37,7 @@ def test_a_board_that_loses_its_motor_board_while_a_move_is_under_way_to_it_tell
 
 @pytest.mark.parametrize("event", ["c", "o", "r"])
 def test_a_board_that_comes_back_is_greeted_and_obeys_again(explorer, event):
-    explorer.play("d" + event + "Wd")
+    explorer.play("d" + event + "WWd")
     assert explorer.world.driver.ready
     assert explorer.world.board.truth.turning
 
