@@ -1,8 +1,8 @@
 """The tier of a test, decided by what its file and its fixtures' files import.
 
 `quick` is pure: no process, no port, no ROS, no compiler but g++ for the firmware's PC build.  `test` adds processes,
-ports, documents and whole calibrations; of ROS, the firmware's image and the browser it has the files named
-`test_one_drive.py`.  `all` is everything.
+ports, documents, whole calibrations and the statistics of drawn robots; of ROS, the firmware's image and the browser it
+has the files named `test_one_drive.py`.  `all` is everything.
 """
 
 import functools
@@ -22,6 +22,7 @@ FOREIGN = re.compile(
 """What pip does not install for the quick tier; a file that imports one of these is not even imported there."""
 CHIP = re.compile(r"sim_arduino\.(avr|board\.avr_board)")
 OUTSIDE = re.compile(r"(subprocess|matplotlib|pty|socket|multiprocessing|sim_arduino\.(serve|testing))(\.|$)")
+LONG = "tests.consistency"
 FOLDERS = {
     "cli": TEST,
     "calibration": TEST,
@@ -90,7 +91,9 @@ def of_file(path):
     direct = imported(path, ("tests",))
     if is_foreign(path) or any(map(CHIP.match, direct)):
         return ALL
-    outside = any(map(OUTSIDE.match, direct)) or "openpty" in path.read_text(encoding="utf-8")
+    outside = (
+        LONG in direct or any(map(OUTSIDE.match, direct)) or "openpty" in path.read_text(encoding="utf-8")
+    )
     return max(TEST if outside else QUICK, of_folder(path))
 
 

@@ -1,5 +1,6 @@
 """The wirings of docs/wirings.md, and random ones."""
 
+import functools
 import random
 import re
 from pathlib import Path
@@ -59,15 +60,21 @@ def rows() -> List[Row]:
     return found
 
 
-def random_wiring(chance: random.Random, chip: Chip) -> Tuple[Dict[str, int], str]:
-    """A wiring, sound or not, and a bridge."""
-    able = {
+@functools.lru_cache(maxsize=None)
+def _able(chip: Chip) -> Dict[str, List[int]]:
+    """The pins that can do what a name's part says."""
+    return {
         "pwm": [number for number, pin in enumerate(chip.pins) if pin.timer >= 0],
         "encoder_a": [number for number, pin in enumerate(chip.pins) if pin.interrupts and number > 1],
         "sonar_": [number for number, pin in enumerate(chip.pins) if pin.channel >= 0],
-        "servo": wiring.servo_pins(chip),
+        "servo": list(wiring.servo_pins(chip)),
         "": list(range(2, len(chip.pins))),
     }
+
+
+def random_wiring(chance: random.Random, chip: Chip) -> Tuple[Dict[str, int], str]:
+    """A wiring, sound or not, and a bridge."""
+    able = _able(chip)
     pins, used = dict(wiring.EMPTY), {NOT_CONNECTED}
     names = [row.name for row in wiring.rows(chip) if row.name in wiring.PIN_NAMES]
     if chance.random() < 0.5:
