@@ -92,7 +92,7 @@ def test_a_close_repeats_a_stop_that_a_silent_board_cannot_confirm(prompt, robot
     robot.port.board.mute = True
     wait_until(lambda: not robot.ready)
     robot.close()
-    greeting = rb"@13e@5e(@5,-?\d+e)?"  # the driver may greet once more in between
+    greeting = rb"@13e(@(65541|29|5)(,-?\d+)?e)+"  # the driver may greet once more in between
     repeated = rb"@13e(%s)*@13e@19" % greeting
     wait_until(lambda: re.search(repeated, bytes(robot.port.received)))
 
