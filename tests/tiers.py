@@ -21,8 +21,9 @@ FOREIGN = re.compile(
 )
 """What pip does not install for the quick tier; a file that imports one of these is not even imported there."""
 CHIP = re.compile(r"sim_arduino\.(avr|board\.avr_board)")
-OUTSIDE = re.compile(r"(subprocess|matplotlib|pty|socket|multiprocessing|sim_arduino\.(serve|testing))(\.|$)")
-LONG = "tests.consistency"
+OUTSIDE = re.compile(
+    r"(subprocess|matplotlib|pty|socket|multiprocessing|sim_arduino\.(serve|testing)|tests\.consistency)(\.|$)"
+)
 FOLDERS = {
     "cli": TEST,
     "calibration": TEST,
@@ -91,9 +92,7 @@ def of_file(path):
     direct = imported(path, ("tests",))
     if is_foreign(path) or any(map(CHIP.match, direct)):
         return ALL
-    outside = (
-        LONG in direct or any(map(OUTSIDE.match, direct)) or "openpty" in path.read_text(encoding="utf-8")
-    )
+    outside = any(map(OUTSIDE.match, direct)) or "openpty" in path.read_text(encoding="utf-8")
     return max(TEST if outside else QUICK, of_folder(path))
 
 

@@ -96,7 +96,12 @@ class Parts(ContextManager["Parts"]):
         """Starts the ROS master that the environment names, and waits for it; MrlError if it does not start."""
         uri = os.environ["ROS_MASTER_URI"]
         child = self._start("rosmaster", ["rosmaster", "--core", "-p", uri.rsplit(":", 1)[1]], self._masters)
-        if not wait_until(lambda: self.check() or launcher.answers(child, uri), START_S):  # type: ignore[func-returns-value]
+
+        def is_there() -> bool:
+            self.check()
+            return launcher.answers(child, uri)
+
+        if not wait_until(is_there, START_S):
             raise MrlError(f"no ROS master answers at {uri} after {START_S:g} s; is rosmaster sound?")
 
     def node(self, kind: str, space: str, *names: str, **parameters: object) -> Child:
