@@ -2,6 +2,7 @@
 
 Threads:
     mrl-driver: reads the port, does what is due, calls the callbacks.  It is the only one that reads.
+    mrl-close: closes a driver that the program has lost (`driver.connection`).
     mrl-url: copies bytes of pyserial's URLs into a pipe (`transport.pyserial_link`).
     mrl-look: looks for the lost port of `mrl serve` (`transport.relay`), while its loop goes on.
     recorder: writes the recording's file (`recording.recording`); bytes reach it through a queue.

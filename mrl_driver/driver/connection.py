@@ -172,6 +172,13 @@ class Connection:
         self.links.end_recording()
         atexit.unregister(self._end_with_program)
 
+    def close_aside(self) -> None:
+        """Close on a thread of its own, and wait for it if possible: the caller may be any code of any thread."""
+        closer = threading.Thread(target=self.close, name="mrl-close", daemon=True)
+        closer.start()
+        if threading.current_thread() is not self.thread and not self._holds_lock():
+            closer.join(2 * CLOSE_S)  # not for ever: a callback may wait for a lock of this thread
+
     def _holds_lock(self) -> bool:
         """Return whether this thread holds the driver's lock: a signal handler runs, which has interrupted it."""
         try:

@@ -7,10 +7,12 @@
         print(robot.pose)
 
 The robot stops 0.5 s after the last `drive`; `Options(command_timeout_s=...)` changes that time.  The robot also stops
-at the end of the `with` block and at the end of the program.  All methods may be called from any thread.  Callbacks run
+at the end of the `with` block, at the end of the program, and when the program has lost its `Driver`: a driver that
+nothing refers to is closed, with a ResourceWarning.  All methods may be called from any thread.  Callbacks run
 on the reading thread and must not call `ask` or `wait`.  `lock_order` has the threads and the order of the locks.
 """
 
+import warnings
 from typing import Any, Callable, Dict, Optional, Tuple, Type, TypeVar, Union, cast
 
 from mrl_driver.arguments import require_function, require_kind, require_numbers, require_text, shown
@@ -151,6 +153,13 @@ class Driver:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def __del__(self) -> None:
+        connection = getattr(self, "_connection", None)  # an argument may have been refused before
+        if connection is not None and connection.thread is not None and not connection.closing:
+            connection.close_aside()
+            lost = f"a driver was lost before it was closed: {self!r}"
+            warnings.warn(lost, ResourceWarning, stacklevel=2, source=self)
+
     def wait(self, timeout_s: Optional[float] = None) -> bool:
         """Sleep until the driver is closed or has failed; False if `timeout_s` ended first.
 
@@ -277,6 +286,9 @@ class Driver:
         What a request turns is stopped 3 s after the last such request, at the latest.  Boards without a watchdog
         (2013) go on.  The board would not keep lower `limits` than the model's, nor what `restrict` allows: while one
         of them is in force, a request that would turn motors is refused, and what one turns already is stopped.
+
+        The requests 4 and 14 set the board's counters: the pose may jump by some cm, or is less sure.  After 3 it is
+        wrong until the next greeting.  `reset_pose` needs none of them.
 
         Raises:
             FrameError: the command table does not allow the request; the robot was stopped.

@@ -125,6 +125,25 @@ def test_a_driver_that_is_closed_is_not_ready_and_has_no_ranges(robot):
     assert not robot.ready and robot.ranges == {}
 
 
+@pytest.mark.parametrize("where", ["the program", "a callback"])
+def test_a_driver_that_nothing_refers_to_stops_its_robot_and_leaves_the_port(serve, where):
+    port = serve()
+    kept = [Driver(port.path, options=Options(command_timeout_s=None))]
+    kept[0].connect()
+    drive_until(kept[0], 0.2, 0.0, lambda: port.board.speeds == (200, 0))
+    thread = next(each for each in threading.enumerate() if each.name == "mrl-driver")
+    with pytest.warns(ResourceWarning, match="lost before it was closed"):
+        if where == "the program":
+            kept.clear()
+        else:
+            kept[0].on_telemetry(lambda _: kept.clear())
+            thread.join(PATIENCE_S)
+    assert not thread.is_alive()
+    wait_until(lambda: port.board.speeds == (0, 0))
+    with Driver(port.path, options=WAITS) as another:
+        assert another.ready
+
+
 def test_a_close_while_the_port_opens_ends_the_connecting(serve, monkeypatch):
     """As by Ctrl-C in another thread, with a host that does not answer."""
     closing, opening = threading.Event(), threading.Event()
