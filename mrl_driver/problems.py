@@ -354,8 +354,8 @@ command_gaps: Commands came too rarely
   cause: The robot stops and drives on, because commands come just too late.
   remedy: send commands at 10 Hz or more, or raise the command timeout
 command_too_late: stopped: a command arrived too late
-  cause: The page or the keyboard is far away: the command was old when it arrived.
-  remedy: release the control and press it again
+  cause: The computer or the network is too slow: the command was old when it arrived.
+  remedy: release the control and press it again; close busy programs if it happens often
 not_a_number: stopped: a command was not a number
   cause: A program sent NaN or infinity as a speed. The driver stops the robot for it.
   remedy: look for a division by zero, or a missing reading, in the program

@@ -52,9 +52,9 @@ class EchoDelay:
 class DelayGuard:
     """Stops an operator's driving above a limit, until the keys are released and pressed again."""
 
-    def __init__(self, most_s: float, name: str) -> None:
-        """`most_s`: the limit [s], 0 for none; `name`: where the user sets it, for the reason."""
-        self._most_s, self._name = most_s, name
+    def __init__(self, most_s: float) -> None:
+        """`most_s`: the limit [s], 0 for none."""
+        self._most_s = most_s
         self._driving, self.reason = False, ""  # the reason why a held key does not drive; empty if it may
 
     def may_drive(self, wanted: bool, delay_s: float) -> bool:
@@ -63,8 +63,9 @@ class DelayGuard:
         if not wanted:
             self.reason = ""
         elif self._most_s and delay_s > self._most_s and not self.reason:
+            most = delay_text(self._most_s)
             self._hold(
-                f"the delay is {delay_text(delay_s)}, above the limit of {delay_text(self._most_s)} ({self._name})"
+                f"the delay is {delay_text(delay_s)}, above the limit of {most}: computer or network is too slow"
             )
         return self._driving
 

@@ -47,7 +47,7 @@ class Screen:
         log: Optional[FrameLog],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._clock, self._guard = clock, DelayGuard(settings.max_delay_s, "--max-delay")
+        self._clock, self._guard = clock, DelayGuard(settings.max_delay_s)
         self._pressed_s: Optional[float] = None
         self._key_s = math.nan
         self._driver, self._settings, self._log = driver, settings, log

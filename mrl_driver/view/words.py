@@ -74,14 +74,18 @@ def stopped_text(reason: StopReason) -> str:
     return f"stopped: {why}" if why else "stopped"
 
 
+def remedied_text(reason: StopReason) -> str:
+    """Return `stopped_text`, and what must be done before the robot drives again."""
+    return "; ".join(filter(None, (stopped_text(reason), STOPS[reason].remedy)))
+
+
 def stopped_by(driver: "Driver") -> str:
     """Return why the driver's robot stopped, in full: the wheel, or the radio that holds it, and what to do."""
     if driver.mismatch is not None:
         return f"stopped: {driver.mismatch}"
     if driver.radio.hold is not None and driver.radio.hold.held:
         return f"stopped: {driver.radio.hold}"
-    remedy = STOPS[driver.stop_reason].remedy
-    return stopped_text(driver.stop_reason) + (f"; {remedy}" if remedy else "")
+    return remedied_text(driver.stop_reason)
 
 
 def stop_error(driver: "Driver", what: str) -> BoardTimeout:

@@ -125,8 +125,7 @@ class Commander:
             # If one is not finite, the driver stops the robot.
             moves = any(speeds) and all(map(math.isfinite, speeds))
             if moves and not self.sources.may_move(source, now):
-                with self._lock:
-                    self._cause = StopReason.COMMANDS_UNPAUSED
+                self.refuse(StopReason.COMMANDS_UNPAUSED)
                 return False
             self.seeking = False
         with self._lock:
@@ -136,6 +135,11 @@ class Commander:
         with self._lock:
             self._commanded = taken and self._stops == stops
             return self._commanded
+
+    def refuse(self, cause: StopReason) -> None:
+        """Note why a command is not followed."""
+        with self._lock:
+            self._cause = cause
 
     def stop(self, cause: StopReason = StopReason.NONE) -> None:
         """Stop at once; the next command moves the robot again."""

@@ -56,7 +56,8 @@ def run_lines(robot: TopicRobot, screen: DemoScreen) -> None:
             printed_s = now_s
             state = robot.state()
             started = math.isfinite(state.age_s)
-            _say(f"{screen.elapsed_s:5.0f} s  {line_of(state)}" if started else "waiting for odometry")
+            line = f"{screen.elapsed_s:5.0f} s  {line_of(state)}  {screen.warning()}".rstrip()
+            _say(line if started else "waiting for odometry")
         time.sleep(live_view.TICK_S)
 
 

@@ -8,6 +8,7 @@ from mrl_driver.navigation.line_follower import Square
 from mrl_driver.terminal.live_view import Screen, Settings
 from mrl_driver.terminal.teleop_keys import Teleop
 from mrl_driver.view.shown_state import SILENT_S, Shown
+from mrl_driver.view.words import STOPS, remedied_text
 from ros1_bridge.topics.topic_robot import TopicRobot
 
 CORNERS = 4  # A square ends where it began
@@ -66,8 +67,10 @@ class DemoScreen(Screen):
         return self._robot.state()
 
     def warning(self) -> str:
-        """Return why the robot or the keys do not drive; empty if they may."""
-        return self._robot.notice or super().warning()
+        """Return why the robot or the keys do not drive, and what to do; empty if they may."""
+        robot, reason = self._robot, self._robot.stop_reason
+        refused = robot.command is not None and not robot.driving and STOPS[reason].remedy
+        return (remedied_text(reason) if refused else robot.notice) or super().warning()
 
     def summary(self) -> str:
         """The last line of a run."""

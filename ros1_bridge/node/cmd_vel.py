@@ -124,7 +124,7 @@ class OperatorCmdVel(StampedCmdVel):
     def __init__(self, max_delay_s: float = 0.0) -> None:
         self._operator = f"{rospy.get_name()} {os.urandom(4).hex()}"
         self._delay = EchoDelay()
-        self.guard = DelayGuard(max_delay_s, "~max_delay")  # stops the operator's driving above the limit
+        self.guard = DelayGuard(max_delay_s)  # stops the operator's driving above the limit
         self._was_echoed: Optional[bool] = None
         self._held = False
         self._told, self._sent_s = "", -math.inf

@@ -131,6 +131,7 @@ class CommandTopics:
         rospy.logwarn_throttle(WARN_EVERY_S, refusal)
         if commander.seeking:
             self._goal.cancel()
+        commander.refuse(StopReason.COMMAND_TOO_LATE)
         if commander.driving:
             with contextlib.suppress(MrlError):
                 commander.stop(StopReason.COMMAND_TOO_LATE)

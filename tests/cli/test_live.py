@@ -135,7 +135,7 @@ def test_keys_stop_driving_above_the_longest_delay_until_they_are_released(delay
     driver.link.delay_s = 0.51
     hold(screen, driver, 0.05)
     assert driver.command is None
-    assert "above the limit of 500 ms (--max-delay); release and press again" in picture(screen, 100, 30)
+    assert "above the limit of 500 ms: computer or network is too slow" in picture(screen, 100, 30)
     driver.link.delay_s = 0.03
     hold(screen, driver, 0.5)
     assert driver.command is None

@@ -42,11 +42,12 @@ def robot():
     emulated.close()
 
 
-def test_a_command_that_waited_while_the_node_stood_still_does_not_move_the_robot(robot):
-    robot.run(1.0, 0.1)
+@pytest.mark.parametrize("before_m_s", [0.0, 0.1])
+def test_a_command_that_waited_while_the_node_stood_still_does_not_move_the_robot(robot, before_m_s):
+    robot.run(1.0, before_m_s)
     robot.driver.pause(0.4)
     assert not robot.commander.drive(0.1, 0.0) and robot.commander.refusal() == module.PAUSED
-    assert robot.driver.command is None
+    assert robot.driver.command is None and robot.commander.stopped_by == StopReason.HOST_PAUSED
 
 
 def test_robot_stops_when_commands_end(robot):

@@ -16,9 +16,11 @@ from sensor_msgs.msg import BatteryState, Range
 
 from mrl_driver import geometry
 from mrl_driver.navigation.line_follower import FollowerLimits, Square
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.terminal.live_panels import render
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, HOLD_S, LINEAR_M_S, Teleop
 from mrl_driver.view.shown_state import SILENT_S
+from mrl_driver.view.words import STOPS, remedied_text
 from ros1_bridge.demo.demo_screen import DemoScreen
 from ros1_bridge.topics.topic_robot import TopicRobot
 from tests.waiting import wait_until
@@ -183,6 +185,17 @@ def test_the_view_shows_what_the_topics_say(demo):
     shown = "traxbot 4|x +1.250|0.75 m|8.1 V low|er/run/23456/robot|3 lost, 7 bad|square|→|stopped by wheel mismatch"
     assert not [words for words in shown.split("|") if words not in text]
     assert "x +1.250 m" in view.screen.summary() and "3 link errors" in view.screen.summary()
+
+
+@pytest.mark.parametrize("reason", ["command_too_late", "host_paused", "commands_unpaused", "emergency_stop"])
+def test_a_driven_robot_that_stands_has_the_reason_and_the_remedy_in_the_view(demo, reason):
+    view = demo(square=True)
+    view.robot.on_status(DiagnosticStatus(message="ready", values=[KeyValue("stopped by", reason)]))
+    assert not view.screen.warning(), "before anything drives"
+    view.drive()
+    assert view.screen.warning() == remedied_text(StopReason(reason)) and STOPS[StopReason(reason)].remedy
+    view.robot.on_status(DiagnosticStatus(message="driving"))
+    assert not view.screen.warning()
 
 
 def test_the_boards_id_chooses_the_model(demo):

@@ -299,6 +299,8 @@ def test_a_ping_is_echoed_and_counts_as_the_fastest_message(node):
         assert [each.frame_id for each in node.sent("cmd_vel/echo")] == ["desk"]
         node.publish(*stamped(90.0, 0.1))
         assert node.lines("a command arrived 10.0 s late") and node.driver.command is None
+        yield
+        assert node.status()["stopped by"] == "command_too_late", "though it stood"
         node.publish(*stamped(90.0, 0.1, "sofa"))
         assert node.driver.command
 

@@ -38,7 +38,7 @@ def robot(module_rig):
     return rig
 
 
-ABOVE = "above the limit of 1.0 s (~max_delay)"
+ABOVE = "above the limit of 1.0 s"
 
 
 def hold(robot, until, speed=1.0):
