@@ -40,6 +40,7 @@ class LinkSource:
     def __init__(self, port: Union[str, Link], baud: int, options: Options) -> None:
         self._port, self._baud, self._options = port, baud, options
         self.recording: Optional[DriverRecording] = None
+        self._record = options.record  # the file that is recorded as soon as the port is open; then None
         self.fast = self.searching = False
         self.reconnection: Optional[Reconnection] = None
         self._well_s = 0.0
@@ -56,13 +57,11 @@ class LinkSource:
             ConfigError: the recording cannot be written.
             LinkError: the port cannot be opened, or the driver was closed meanwhile.
         """
-        port, record, tap = self._port, self._options.record, self._options.tap
+        port = self._port
         if not isinstance(port, str):
             return port
-        if record is not None or tap is not None:
+        if self._record is not None or self._options.tap is not None:
             self.recording = self._new_recording(port)
-            if record is not None:
-                self.recording.use(self.recording.create(record))
         try:
             link = self._await(port, report)
         except BaseException:
@@ -87,9 +86,13 @@ class LinkSource:
                 raise LinkLost("the driver was closed")
 
     def _open(self, name: str, patience_s: float = AGAIN_S) -> Link:
-        opener = self.recording.open if self.recording is not None else open_link
-        link: Link = opener(name, self._baud, patience_s)
+        link = open_link(name, self._baud, patience_s)
         try:
+            if self.recording is not None:
+                if self._record is not None:  # not before: without the port, an older file stays as it was
+                    self.recording.use(self.recording.create(self._record))
+                    self._record = None
+                link = self.recording.begin(link)
             self.fast = self._options.fast and self._speed_up(link)
         except BaseException:
             link.close()
@@ -151,7 +154,9 @@ class LinkSource:
         """
         self.recording = self._new_recording(link.port, clock)
         self.recording.use(self.recording.create(path))
-        return self.recording.begin(link)
+        link = self.recording.begin(link)
+        self.recording.new(clock())
+        return link
 
     def _new_recording(self, port: str, clock: Optional[Callable[[], float]] = None) -> DriverRecording:
         heard = {name: getattr(self._options, name) for name in HEARD}

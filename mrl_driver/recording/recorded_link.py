@@ -11,7 +11,6 @@ from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import Lost
 from mrl_driver.session.session import Session
 from mrl_driver.transport.link import Link
-from mrl_driver.transport.open_link import open_link
 
 from . import recording
 from .recorded_facts import model_text, session_text
@@ -93,7 +92,7 @@ class DriverRecording:
         return Recorder(path, self._simulated, **self._facts)
 
     def use(self, recorder: Recorder) -> None:
-        """Record into a file; bytes follow from the next `open` or `exchange`."""
+        """Record into a file; bytes follow from the next `begin` or `exchange`."""
         self.recorder, self.due = recorder, True
 
     def stop(self) -> Optional[Recorder]:
@@ -102,16 +101,9 @@ class DriverRecording:
         self.due = True
         return recorder
 
-    def open(self, port: str, baud: int, patience_s: float) -> Link:
-        """Open a link as `open_link` does; its bytes are recorded."""
-        link = open_link(port, baud, patience_s)
-        self._begin(port)
-        return self._tapped(link)
-
     def begin(self, link: Link) -> Link:
-        """Begin with a link in simulated time, before the driver greets its board; return the link to go on with."""
+        """Begin with a link, before the driver greets its board; return the link to go on with."""
         self._begin(link.port)
-        self.new(self._now())
         return self._tapped(link)
 
     def exchange(self, link: Link, session: Session, state: RobotState) -> Link:

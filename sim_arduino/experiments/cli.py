@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Optional, Sequence
 import click
 
 from mrl_driver import figures
-from mrl_driver.cli.commands.shared import confirm_motion
+from mrl_driver.cli.commands.shared import confirm_motion, require_device
 from mrl_driver.cli.main import registered
 from mrl_driver.errors import ConfigError, MrlError
 
@@ -106,6 +106,7 @@ def main(
                 f"experiment {', '.join(emulated)} needs emulated robots, got --port {port}; leave out --port"
             )
             raise ConfigError(text)
+        require_device(port)
         confirm_motion(f"The robot on {port} drives by itself ({', '.join(chosen)}). Is the floor free?", yes)
     from .experiment_robot import Setting
 

@@ -127,7 +127,10 @@ def test_a_file_of_something_else_is_not_replaced(lab, tmp_path, name, text, pro
     [
         (("straight", "--plot", "a.png", "--truth", "t"), "pip install 'mrl-driver[plot]'"),
         (("turn", "--yes"), "stdin is not a terminal; give --truth FILE"),
-        (("straight", "--record", "run.mrl", "--truth", "t"), "run.mrl already exists. Replace it?"),
+        (
+            ("straight", "--port", "tcp://kit:1", "--record", "run.mrl", "--truth", "t"),
+            "run.mrl already exists. Replace it?",
+        ),
         (("gains", "--recording", "lab.mrl"), "--robot is missing"),
         (("turn", "--robot", "traxbot", "--output", "a.yaml", "--run", "lab.mrl"), "expected FILE:X,Y"),
     ],

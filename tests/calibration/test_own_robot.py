@@ -132,7 +132,9 @@ def workshop(workshop_of):
 
 def test_an_unknown_kit_becomes_a_calibrated_robot(workshop, tmp_path):
     """Wires swapped, one wheel 4 % larger, axle 2 % wider: `mrl new`, two calibrations, and the square closes."""
-    out = workshop.mrl("new", "rover", *FACTS, *DUO, "--no-flash", "--port", "kit", "--truth", "t", "--yes")
+    out = workshop.mrl(
+        "new", "rover", *FACTS, *DUO, "--no-flash", "--port", "tcp://kit:1", "--truth", "t", "--yes"
+    )
     assert f"wiring {HIDDEN | 1}, stored in the board's EEPROM" in out
     path = str(tmp_path / "config" / "mrl-driver" / "robots" / "rover.yaml")
     before_m, _ = workshop.square_error("rover")
@@ -214,7 +216,7 @@ def test_each_wiring_that_drives_closes_a_square(row, engine, workshop_of, tmp_p
     flags = [f"--{name.replace('_', '-')}" for name in wiring.FLAGS if row.pins[name]]
     counts, board = () if by_time else FACTS[4:], row.board.lower()
     facts = (*FACTS[:4], *counts, "--board", board, "--bridge", row.bridge, *pins, *flags)
-    out = workshop.mrl("new", "rover", *facts, "--no-flash", "--port", "kit", "--truth", "t", "--yes")
+    out = workshop.mrl("new", "rover", *facts, "--no-flash", "--port", "tcp://kit:1", "--truth", "t", "--yes")
     assert f"wiring {hidden | 1}, stored in the board's EEPROM" in out
     with workshop.robot("rover", period_ms=50) as robot:
         start = workshop.pose()
@@ -226,7 +228,7 @@ def test_each_wiring_that_drives_closes_a_square(row, engine, workshop_of, tmp_p
     assert math.dist(start[:2], end[:2]) < most_m and abs(wrap_angle(end.yaw_rad - start.yaw_rad)) < most_rad
 
 
-NO_FLASH = ("--no-flash", "--port", "kit", "--truth", "t", "--yes")
+NO_FLASH = ("--no-flash", "--port", "tcp://kit:1", "--truth", "t", "--yes")
 DISC = 40.0  # Counts of a turn of a disc with 20 slots, by one channel: 5 mm each
 ONE_CHANNEL = {
     "left_pwm_a": 9,
@@ -313,7 +315,7 @@ def test_four_wheels_with_hidden_errors_close_a_square(kind, engine, workshop_of
     workshop = workshop_of(str(path), 1 | BITS["rear_right_encoder_reversed"], error, engine)
     base = ("--wheelbase", 120) if kind == "mecanum" else ()
     facts = (*FACTS, "--kind", kind, *base, "--wiring", "mega_four_wheels", "--answers", WORDS)
-    out = workshop.mrl("new", "truck", *facts, "--no-flash", "--port", "kit", "--truth", "t", "--yes")
+    out = workshop.mrl("new", "truck", *facts, "--no-flash", "--port", "tcp://kit:1", "--truth", "t", "--yes")
     assert "rear right encoder reversed" in out and "right_pwm_a on 8" in out
     path = str(tmp_path / "config" / "mrl-driver" / "robots" / "truck.yaml")
     for procedure in (_MECANUM if kind == "mecanum" else _GEOMETRY) if error else ():

@@ -12,6 +12,7 @@ from mrl_driver.cli.doctor import board, computer, parameters, wheels
 from mrl_driver.cli.doctor.findings import FAULT, NOTE, OK, WARNING
 from mrl_driver.cli.doctor.wheels import Moved
 from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import PortMissing
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import FAULTS, PARAMETER_BY_NAME
 from mrl_driver.recording.recording import Recording
@@ -372,6 +373,31 @@ def test_a_recording_is_not_replaced_without_a_question(recording):
     terminal = Terminal(*command)
     terminal.answer("already exists. Replace it?", "n")
     assert terminal.end() == 130 and file.read_text() == "precious\n"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "drive --linear 0.1 --for 1 --record old",
+        "monitor --record old",
+        "record old",
+        "goto 1 0 --record old",
+        "calibrate straight --record old",
+        "measure -o old.json",
+        "config dump old",
+        "experiment power",
+        "doctor --drive",
+        "new rover --wheel-diameter 65 --separation 150 --no-encoders --wiring mrl_duo --bridge tb6612",
+    ],
+)
+@pytest.mark.parametrize("yes", [[], ["--yes"]])
+def test_a_port_that_is_missing_is_found_before_a_question_and_before_a_file_is_written(here, command, yes):
+    for name in ("old", "old.json"):
+        (here / name).write_text("precious\n")
+    done = mrl(*command.split(), *yes, "--port", "/dev/nothing")
+    assert (done.returncode, done.stderr.count("\n")) == (PortMissing.exit_code, command != "doctor --drive")
+    assert "'/dev/nothing' does not exist" in done.stderr + done.stdout
+    assert {each.read_text() for each in here.rglob("*") if each.is_file()} == {"precious\n"}
 
 
 def test_a_recording_is_replaced_with_yes_and_an_empty_file_always(recording):

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import create_unused
 from mrl_driver.geometry import Pose
-from mrl_driver.recording import recorded_link, recording
+from mrl_driver.recording import recording
 from mrl_driver.recording.recorded_facts import model_text
 from mrl_driver.recording.recorded_link import DriverRecording, RecordedLink
 from mrl_driver.recording.recording import (
@@ -399,6 +399,7 @@ def made(tmp_path):
 def test_what_a_driver_does_is_recorded_with_the_time_that_it_uses(made):
     assert made.due
     link = made.begin(wire([], b"in"))
+    made.new(2.0)
     assert not made.due and link.read(0.0) == b"in"
     link.write(b"out")
     made.heard(b"in", 9.0)
@@ -412,7 +413,7 @@ def test_what_a_driver_does_is_recorded_with_the_time_that_it_uses(made):
     recorder.close()
     recorded = Recording(made.path)
     assert [*recorded] == [
-        *((1.0, "!", b"opened p?"), (2.0, "!", b"session new"), (3.0, ">", b"out"), (9.0, "<", b"in")),
+        *((1.0, "!", b"opened p?"), (2.0, "!", b"session new"), (2.0, ">", b"out"), (9.0, "<", b"in")),
         *((10.0, "!", b"clock 1.5"), (11.0, "!", b"session again same")),
         (12.0, "!", b'lost {"port": "p", "reason": "gone", "may_move": false, "reported": true}'),
     ]
@@ -467,11 +468,9 @@ def test_a_recording_that_begins_in_mid_run_has_what_came_before(made, ready, te
     assert (found["stamp_s"], found["bias"], found["frame"], found["stream"]) == (stamp_s, bias, "", 6)
 
 
-def test_a_link_is_opened_as_without_a_recording(made, monkeypatch):
-    asked = []
-    monkeypatch.setattr(recorded_link, "open_link", lambda *args: (asked.append(args), wire([]))[1])
-    assert isinstance(made.open("p", 9600, 0.5), RecordedLink) and asked == [("p", 9600, 0.5)]
+def test_a_link_is_recorded_if_somebody_wants_its_bytes(made):
+    assert isinstance(made.begin(wire([])), RecordedLink)
     made.close()
-    assert [entry.data for entry in Recording(made.path)] == [b"opened p"]
+    assert [entry.data for entry in Recording(made.path)] == [b"opened p?"]
     idle = DriverRecording("p", 9600, None, {}, None)
-    assert not isinstance(idle.open("p", 9600, 0.5), RecordedLink), "nobody wants its bytes"
+    assert not isinstance(idle.begin(wire([])), RecordedLink)

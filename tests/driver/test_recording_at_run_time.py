@@ -231,9 +231,12 @@ def test_a_full_disk_does_not_stop_the_robot(serve):
         assert "No space" in robot.recorder.file.error
 
 
-def test_a_file_that_cannot_be_made_is_refused_before_the_port_is_opened(tmp_path):
+def test_a_file_that_cannot_be_made_is_refused_before_anything_is_sent(serve, tmp_path):
+    board = serve()
     with pytest.raises(ConfigError, match="cannot record to"):
-        Driver("/dev/nothing", options=Options(record=str(tmp_path))).connect()
+        Driver(board.path, options=Options(record=str(tmp_path))).connect()
+    assert not board.received
+    SerialLink(board.path).close()
 
 
 def test_an_open_link_is_not_recorded(serve, tmp_path):
@@ -243,8 +246,10 @@ def test_an_open_link_is_not_recorded(serve, tmp_path):
     link.close()
 
 
-def test_a_port_that_is_not_there_leaves_no_thread(tmp_path):
-    before = set(threading.enumerate())
+def test_a_port_that_cannot_be_opened_leaves_no_thread_and_the_old_recording(tmp_path):
+    before, file = set(threading.enumerate()), tmp_path / "x"
+    file.write_text("of yesterday")
     with pytest.raises(PortMissing):
-        Driver("/dev/nothing", options=Options(record=str(tmp_path / "x"))).connect()
+        Driver("/dev/nothing", options=Options(record=str(file))).connect()
     assert not [each for each in set(threading.enumerate()) - before if each.name == "recorder"]
+    assert file.read_text() == "of yesterday"

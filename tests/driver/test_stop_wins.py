@@ -297,7 +297,7 @@ def test_a_request_that_waited_for_the_line_is_not_sent_after_a_stop(driver, lin
 
 def test_a_disk_that_hangs_delays_no_stop(line, monkeypatch, tmp_path):
     """A recording ends and the next one begins, so that the reading thread exchanges its link meanwhile."""
-    monkeypatch.setattr("mrl_driver.recording.recorded_link.open_link", lambda *args, **kwargs: line)
+    monkeypatch.setattr("mrl_driver.driver.link_source.open_link", lambda *args, **kwargs: line)
     driver = Driver("/dev/robot", "traxbot", options=Options(record=str(tmp_path / "first.mrl")))
     driver.connect()
     opens, goes_on, usual = threading.Event(), threading.Event(), os.open

@@ -80,7 +80,7 @@ def measure(
         run.print(facts, "\n".join(report.comparison(facts)))
         return
     require_writable(output, "--output", (".json",))
-    shared.confirm_overwrite(output, run.yes)
+    run.confirm_overwrite(output)
     if lifted and drives:
         raise ConfigError("--wheels-off-ground is given with --drive, expected one of them")
     found, ended = _Measured(), None

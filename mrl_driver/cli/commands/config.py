@@ -134,7 +134,7 @@ def dump(run: Run, file: Optional[str]) -> None:
     from mrl_driver.driver import parameter_file
     from mrl_driver.files import replace_file
 
-    shared.confirm_overwrite(file, run.yes)
+    run.confirm_overwrite(file)
     with _connected(run) as driver:
         found = parameter_file.of_driver(driver)
     if file is None:

@@ -66,8 +66,9 @@ def doctor(run: Run, drives: bool, hands: bool, report: bool) -> None:
         raise ConfigError("--sonars asks questions, but stdin is not a terminal; run it in a terminal")
     if drives:
         try:
+            shared.require_device(shared.require_port(run.target))
             run.confirm("Are the wheels lifted off the ground?  Each turns forward for 2 s.")
-        except click.Abort:
+        except (click.Abort, LinkError):
             drives = False  # the other checks still run
     console = None if report or run.as_json else _console()
     facts: Dict[str, Any] = {}

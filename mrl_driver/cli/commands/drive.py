@@ -53,7 +53,7 @@ def drive(
     if (linear, lateral, angular, for_s) == (None, None, None, None):
         if run.as_json or not (sys.stdin.isatty() and shared.full_screen()):
             raise ConfigError(f"{shared.no_view_because()}; give --linear or --angular, and --for SECONDS")
-        shared.confirm_overwrite(run.record, run.yes)
+        run.confirm_overwrite(run.record)
         watch_live(run._replace(reconnect=True), keys_drive=True)
         return
     speeds = linear or 0.0, angular or 0.0, lateral or 0.0
@@ -61,7 +61,7 @@ def drive(
         raise ConfigError("--max-delay is for driving with the keys, expected it without speeds and --for")
     if for_s is None:
         raise ConfigError("--for is missing, expected the seconds to drive, such as: --for 2")
-    shared.confirm_overwrite(run.record, run.yes)
+    run.confirm_overwrite(run.record)
     with run.connected(moves=True) as driver:
         shared.warn(driver)
         shared.report_losses(driver)

@@ -50,7 +50,7 @@ def goto(run: Run, x: float, y: float, yaw: Optional[float], timeout_s: float) -
       mrl goto 0.5 -0.3 90 --robot lab3 --yes       without the question; then turn to the left
       mrl goto -0.5 0 0 --robot lab3 --timeout 30   0.5 m back, with the front as at the start
     """
-    shared.confirm_overwrite(run.record, run.yes)
+    run.confirm_overwrite(run.record)
     with run.connected(moves=True, odometry=True) as driver:
         shared.warn(driver)
         shared.report_losses(driver)

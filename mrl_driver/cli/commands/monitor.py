@@ -43,7 +43,7 @@ def monitor(run: Run, udp: Optional[str]) -> None:
       mrl monitor --robot lab3 --json --seconds 10 > drive.jsonl
       mrl monitor --robot lab3 --udp 127.0.0.1:9870
     """
-    shared.confirm_overwrite(run.record, run.yes)
+    run.confirm_overwrite(run.record)
     if udp is None:
         _watch(run)
         return
@@ -69,7 +69,7 @@ def record(run: Run, file: str) -> None:
       mrl record --port /dev/ttyACM0 drive.mrl
       mrl replay drive.mrl; mrl plot drive.mrl
     """
-    shared.confirm_overwrite(file, run.yes)
+    run.confirm_overwrite(file)
     _watch(run._replace(record=file))
 
 

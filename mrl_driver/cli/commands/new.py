@@ -7,7 +7,7 @@ from typing import Any, Callable, Dict, Mapping, Optional, Tuple, TypeVar
 
 import click
 
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import ConfigError, PortMissing
 from mrl_driver.files import replace_file
 from mrl_driver.host import named_robots
 from mrl_driver.protocol.table import NOT_CONNECTED, WHEELS
@@ -18,7 +18,7 @@ from mrl_driver.robot.models.kit import Kit
 from mrl_driver.robot.wiring import FRONT, NO_ENCODERS, encoder_pins
 
 from .new_wiring import add_options, show_wires, wiring_of
-from .shared import Between, complete_port, confirm, print_message, yes_option
+from .shared import Between, complete_port, confirm, print_message, require_device, yes_option
 
 Answer = TypeVar("Answer")
 _WHEEL = """
@@ -118,14 +118,16 @@ def new(name: Optional[str], file_only: bool, **options: Any) -> None:
 
 
 def _port_of(options: Mapping[str, Any]) -> str:
-    """Return the port of the board; raise ConfigError, before the questions, if none can be chosen."""
+    """Return the port of the board; raise ConfigError or PortMissing, before the questions."""
     from .flash import only_board
 
     outer = click.get_current_context().find_root().params.get("port") or os.environ.get("MRL_PORT")
     try:
-        return options["port"] or outer or only_board()
-    except ConfigError as error:
-        raise ConfigError(f"{error}; without a board, --file-only writes the robot's file") from None
+        port: str = options["port"] or outer or only_board()
+        require_device(port)
+        return port
+    except (ConfigError, PortMissing) as error:
+        raise type(error)(f"{error}; without a board, --file-only writes the robot's file") from None
 
 
 def _path_of(name: str) -> str:

@@ -18,6 +18,7 @@ from mrl_driver.robot import models
 from mrl_driver.robot.imu import LEARNING, WAITING
 from mrl_driver.session.events import Awaited, ImuChanged, Lost, PathUnknown, Reconnected, Slowed
 from mrl_driver.session.sensor_polling import of_board
+from mrl_driver.transport.address import is_url
 from mrl_driver.transport.baud_rates import FAST_BAUD, SLOW
 
 if TYPE_CHECKING:
@@ -176,6 +177,12 @@ class Run(NamedTuple):
         """As `confirm`, unless --yes was given."""
         confirm(question, self.yes, otherwise)
 
+    def confirm_overwrite(self, path: Optional[str]) -> None:
+        """As `confirm_overwrite`, unless --yes was given; PortMissing, before the question, if there is no port."""
+        if path is not None:
+            require_device(require_port(self.target))
+        confirm_overwrite(path, self.yes)
+
 
 def run_options(*options: Decorator) -> Decorator:
     """Add the options that name a robot, and these shared ones; the command gets all of them as `run`."""
@@ -202,6 +209,14 @@ def require_port(target: Target) -> str:
             f"--port is missing, expected a serial port or --robot with a named robot; existing ports: {found}"
         )
     return target.port
+
+
+def require_device(port: str) -> None:
+    """Raise PortMissing if there is no such port, before questions are asked and files are written."""
+    from mrl_driver.transport import link
+
+    if not is_url(port):
+        link.require_device(port)
 
 
 @contextlib.contextmanager

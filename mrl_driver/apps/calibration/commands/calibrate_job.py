@@ -197,7 +197,7 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
             figures.require_writable(job.plot)
         if job.output is not None:
             require_writable(job.output, "--output", YAML)
-        shared.confirm_overwrite(job.run.record, job.run.yes)
+        job.run.confirm_overwrite(job.run.record)
         command(job=job, **options)
 
     return wrapper
