@@ -123,10 +123,12 @@ def _run(words: List[str], advance: Callable[[float], None], most_attempts: int)
 
 def explain(output: str, port: str, image: str, chip: Chip = ATMEGA328P) -> MrlError:
     """Return the error for avrdude's output."""
+    said = output.replace(image, "\0i").replace(port, "\0p")  # names may have words of errors
     for pattern, kind, text in _EXPLANATIONS:
-        if re.search(pattern, output, re.IGNORECASE):
+        if re.search(pattern, said, re.IGNORECASE):
             return kind(text.format(port=port, image=image, board=chip.board, denied=denied(port)))
-    return MrlError(f"avrdude failed: {_last_line(output) or 'it printed no reason'}")
+    last = _last_line(said) or "it printed no reason"
+    return MrlError(f"avrdude failed: {last}".replace("\0i", image).replace("\0p", port))
 
 
 def _last_line(output: str) -> Optional[str]:

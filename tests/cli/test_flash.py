@@ -118,6 +118,21 @@ def test_words_of_avrdude_become_errors_of_ours(said, kind):
     assert type(error) is kind and "\n" not in str(error)
 
 
+@pytest.mark.parametrize(
+    ("said", "kind"),
+    [
+        ("can't open device {port}: Permission denied", PortDenied),
+        ("reading input file {image}\nnot in sync: resp=0x00", NotARobot),
+        ("{port}: the moon is full: error\nreading input file {image}", MrlError),
+    ],
+)
+def test_names_with_words_of_errors_are_no_errors(said, kind):
+    names = {"port": "/dev/timeout", "image": "/home/locked #1/verification error/checksum.hex"}
+    error = avrdude.explain(said.format(**names), **names)
+    assert type(error) is kind and "/dev/timeout" in str(error)
+    assert (kind is MrlError) == str(error).endswith("the moon is full: error")
+
+
 @pytest.mark.parametrize("said", ["Input/output error", "verification error", "stk500_recv(): timed out"])
 def test_an_upload_that_was_cut_warns_of_half_a_firmware(said):
     assert "which may turn the motors" in str(avrdude.explain(said, "/dev/ttyACM7", "image.hex"))
