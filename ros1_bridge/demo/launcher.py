@@ -4,21 +4,15 @@ Run it as `python -m ros1_bridge.demo.launcher`.  The master is on a free port o
 demonstration's `/cmd_vel` would drive other robots too.
 """
 
-import contextlib
 import math
 import os
-import random
 import re
 import shutil
 import signal
-import socket
 import sys
 import time
-from http.client import HTTPException
 from pathlib import Path
-from typing import Any, Dict, List, Optional
-from xml.parsers.expat import ExpatError
-from xmlrpc.client import Error, ServerProxy, Transport
+from typing import Dict, List, Optional
 
 import click
 
@@ -26,36 +20,21 @@ from mrl_driver.cli.commands.shared import Between
 from mrl_driver.errors import ConfigError, MrlError, SimulatorError
 from mrl_driver.robot import models
 from mrl_driver.transport.link import require_device
+from ros1_bridge.node.processes import ROOT, Child, RunError, answers, environment, free_port
 
-from .processes import Child
-
-ROOT = Path(__file__).resolve().parent.parent.parent
 LOGS = ROOT / "build" / "run"
 IMAGE = ROOT / "build" / "firmware" / "mrl_firmware.elf"
 SLOW_S = 20.0  # A master that takes longer to start is said to be slow; it is waited for while it lives
 END_S = 25.0  # A part that takes longer than this to end is killed; roslaunch itself kills a node after 17 s
-_POLL_S, _ANSWER_S = 0.05, 1.0
+_POLL_S = 0.05
 _DEFAULT_ROBOT = "traxbot"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_LOCALHOST = "127.0.0.1"
-_PORTS = range(20000, 32768)
-"""Linux gives connections higher ports, so that no other program takes the port before the master does."""
-_REFUSED = "Unable to start XML-RPC server"
-"""rosmaster prints a line with these words if its port is taken."""
 _NEXT = """next:
   . .venv/bin/activate; mrl demo                      the robot by your keys, without ROS
   mrl flash --build virtual --port /dev/ttyACM0       makes a bare Uno, Nano or Mega a robot in a room of its own
   make run PORT=/dev/ttyACM0                          drives it, or a real robot, by your keys"""
 _DIED = re.compile(r"REQUIRED process \[(\w+)-\d+\] has died!\nprocess has died \[pid \d+, exit code (-?\d+)")
 """What roslaunch prints when a node ends."""
-
-
-class RunError(MrlError):
-    """A part of the run did not start, or it ended; carries the exit code of that part."""
-
-    def __init__(self, message: str, exit_code: int = 1) -> None:
-        super().__init__(message)
-        self.exit_code = exit_code or 1
 
 
 class Run:
@@ -104,51 +83,6 @@ def _ended(child: Child) -> RunError:
     code = int(died.group(2))
     code = 128 - code if code < 0 else code
     return RunError(child.last_words(text[: died.start()].splitlines(), died.group(1), code), code)
-
-
-def free_port() -> int:
-    """A free TCP port."""
-    while True:
-        port = random.SystemRandom().choice(_PORTS)
-        with contextlib.suppress(OSError), socket.socket() as probe:
-            probe.bind(("", port))
-            return port
-
-
-def environment(logs: Path, port: int) -> Dict[str, str]:
-    """The environment of the child processes: a ROS master on `port`, and all addresses on localhost.
-
-    Each run has the folder of its master's port for its logs, and for the files that ROS writes into a home: two
-    masters that make one home at the same time end with an error (roslaunch 1.15).
-    """
-    env = {name: value for name, value in os.environ.items() if name != "ROS_HOSTNAME"}
-    env["ROS_MASTER_URI"], env["ROS_IP"] = f"http://{_LOCALHOST}:{port}", _LOCALHOST
-    env["ROS_HOME"] = str(logs / str(port))
-    env.setdefault("ROS_LOG_DIR", env["ROS_HOME"])
-    env["ROS_PACKAGE_PATH"] = os.pathsep.join(filter(None, (str(ROOT), env.get("ROS_PACKAGE_PATH"))))
-    env["PYTHONUNBUFFERED"] = "1"
-    return env
-
-
-class _Impatient(Transport):
-    """A connection that fails if the other end says nothing, so that the waiting program can look at signals."""
-
-    def make_connection(self, host: Any) -> Any:
-        connection = super().make_connection(host)
-        connection.timeout = _ANSWER_S
-        return connection
-
-
-def answers(master: Child, uri: str) -> bool:
-    """Whether this rosmaster answers at its address, and no other one; RunError if another program has the port."""
-    for line in master.output():
-        if _REFUSED in line:  # after which rosmaster does nothing, and does not end
-            raise RunError(f"{master.name}: {line.strip()}; run the same command again")
-    with contextlib.suppress(OSError, HTTPException, Error, ExpatError), ServerProxy(
-        uri, _Impatient()
-    ) as proxy:
-        return bool(proxy.getPid("/launcher") == [1, "", master.pid])
-    return False
 
 
 def start_master(run: Run) -> None:

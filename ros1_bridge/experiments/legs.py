@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import ContextManager, Dict, List
 
 from mrl_driver.errors import MrlError
-from ros1_bridge.demo import launcher
-from ros1_bridge.demo.launcher import ROOT
-from ros1_bridge.demo.processes import Child, wait_until
+from ros1_bridge.node import processes
+from ros1_bridge.node.processes import ROOT, Child, answers, free_port, wait_until
 from sim_arduino.experiments import experiment_report
 from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
@@ -66,7 +65,7 @@ def _command(name: str, setting: Setting) -> List[str]:
 def environment(folder: str) -> Dict[str, str]:
     """The environment of a run with a master of its own; ROS and shared worlds write their files into the folder."""
     own = dict.fromkeys(("ROS_HOME", "ROS_LOG_DIR", "XDG_RUNTIME_DIR"), folder)
-    return {**launcher.environment(Path(folder), launcher.free_port()), **own}
+    return {**processes.environment(Path(folder), free_port()), **own}
 
 
 def end(*children: Child) -> None:
@@ -99,7 +98,7 @@ class Parts(ContextManager["Parts"]):
 
         def is_there() -> bool:
             self.check()
-            return launcher.answers(child, uri)
+            return answers(child, uri)
 
         if not wait_until(is_there, START_S):
             raise MrlError(f"no ROS master answers at {uri} after {START_S:g} s; is rosmaster sound?")

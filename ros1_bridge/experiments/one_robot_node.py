@@ -16,9 +16,9 @@ from mrl_driver.errors import MrlError
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.navigation.line_follower import Course, FollowerLimits
 from mrl_driver.robot import models
-from ros1_bridge.demo.processes import wait_until
 from ros1_bridge.node.cmd_vel import twist_of
 from ros1_bridge.node.plane_poses import planar
+from ros1_bridge.node.processes import wait_until
 from sim_arduino.experiments import disturbances, l_course, square
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.l_course import CourseRecord

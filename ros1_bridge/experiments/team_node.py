@@ -24,8 +24,8 @@ from mrl_driver.geometry import Pose
 from mrl_driver.navigation.waypoint_tour import DONE, PAUSED
 from mrl_driver.robot import models
 from mrl_driver.robot.sonar import NAMES
-from ros1_bridge.demo.processes import wait_until
 from ros1_bridge.node.plane_poses import planar
+from ros1_bridge.node.processes import wait_until
 from ros1_bridge.node.tf_names import sonar_frame
 from ros1_bridge.topics.messages import transform_of
 from sim_arduino.experiments import disturbances, mixed_team, shared_waypoint, step_test

@@ -21,7 +21,7 @@ from xmlrpc.client import ServerProxy
 from rosgraph.masterapi import is_online
 
 from mrl_driver.geometry import quaternion_of
-from ros1_bridge.demo.processes import Child, wait_until
+from ros1_bridge.node.processes import Child, wait_until
 from sim_arduino.world import world_file
 from tests.long.bench.report import FAST
 from tests.long.navigation.stack import systems_python

@@ -27,7 +27,7 @@ from typing import Dict, Iterator, List, Sequence
 
 from rosgraph.masterapi import is_online
 
-from ros1_bridge.demo.launcher import free_port
+from ros1_bridge.node.processes import free_port
 from tests.documents.blocks import ROOT, Block, blocks
 from tests.waiting import PATIENCE, wait_until
 

@@ -14,7 +14,7 @@ def master(tmp_path_factory):
     import rospy
     from rosgraph.masterapi import is_online
 
-    from ros1_bridge.demo.processes import Child
+    from ros1_bridge.node.processes import Child
 
     from . import rig as bench
 

@@ -19,8 +19,7 @@ import rosgraph
 import rospy
 from geometry_msgs.msg import Twist, Vector3
 
-from ros1_bridge.demo.launcher import free_port  # noqa: F401
-from ros1_bridge.demo.processes import Child
+from ros1_bridge.node.processes import Child, free_port  # noqa: F401
 from tests.waiting import PATIENCE_S, wait_until
 
 ROOT = Path(__file__).resolve().parent.parent.parent

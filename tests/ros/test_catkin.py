@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rosgraph.masterapi import is_online
 
-from ros1_bridge.demo.processes import Child
+from ros1_bridge.node.processes import Child
 from tests.waiting import PATIENCE, wait_until
 
 from .rig import ROOT, START_S, free_port, without_a_busy_machine

@@ -25,8 +25,8 @@ import pytest
 from rosgraph.masterapi import is_online
 
 from ros1_bridge.demo import launcher
-from ros1_bridge.demo.launcher import Run, RunError, answers, environment, free_port, start_master
-from ros1_bridge.demo.processes import Child
+from ros1_bridge.demo.launcher import Run, start_master
+from ros1_bridge.node.processes import Child, RunError, answers, environment, free_port
 from tests.waiting import PATIENCE_S, wait_until
 
 from .rig import ROOT, START_S

@@ -23,8 +23,8 @@ from nav_msgs.msg import Odometry
 from rosgraph.masterapi import is_online
 from rosgraph.xmlrpc import ThreadingXMLRPCServer
 
-from ros1_bridge.demo.processes import Child
 from ros1_bridge.node.master_watch import MasterWatch, await_master
+from ros1_bridge.node.processes import Child
 from tests.waiting import PATIENCE_S, require_median, wait_until
 
 from . import rig as bench

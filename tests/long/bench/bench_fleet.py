@@ -15,7 +15,7 @@ from typing import Dict, Iterator, List
 
 import rospy
 
-from ros1_bridge.demo.processes import Child, wait_until
+from ros1_bridge.node.processes import Child, wait_until
 
 from . import processes, report
 from .ros_bench import LOGS, ROOT, Master

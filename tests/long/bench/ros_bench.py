@@ -18,7 +18,7 @@ from rosgraph.masterapi import is_online
 from sensor_msgs.msg import BatteryState, Imu, JointState, Range
 from tf2_msgs.msg import TFMessage
 
-from ros1_bridge.demo.processes import Child, wait_until
+from ros1_bridge.node.processes import Child, wait_until
 from tests.long.bench import figures, processes, report
 from tests.long.bench.feeder import METRES_PER_COUNT
 from tests.long.programs import Program

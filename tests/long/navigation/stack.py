@@ -10,9 +10,8 @@ from typing import Any, Callable, Dict, List, Sequence
 from rosgraph.masterapi import is_online
 
 from mrl_driver.errors import ConfigError, MrlError
-from ros1_bridge.demo.launcher import free_port
-from ros1_bridge.demo.processes import Child, wait_until
 from ros1_bridge.node import packages
+from ros1_bridge.node.processes import Child, free_port, wait_until
 from sim_arduino.world.world import World
 
 ROOT = Path(__file__).resolve().parents[3]

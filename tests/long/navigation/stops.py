@@ -26,8 +26,8 @@ from std_srvs.srv import SetBool, Trigger
 from mrl_driver.errors import MrlError
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.waypoint_tour import PAUSED
-from ros1_bridge.demo.processes import wait_until
 from ros1_bridge.node.plane_poses import planar, write_pose
+from ros1_bridge.node.processes import wait_until
 from sim_arduino.world import world_file
 from tests.long.bench import report
 

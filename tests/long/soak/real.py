@@ -287,7 +287,7 @@ class RosRig(Rig):
     def begin(self) -> None:
         from rosgraph.masterapi import is_online
 
-        from ros1_bridge.demo.launcher import free_port
+        from ros1_bridge.node.processes import free_port
 
         self._programs: List[Program] = []
         for _ in range(5):
