@@ -139,7 +139,7 @@ class Parameters:
             name: value for name, value in model.board.items() if not (self._virtual and name in CABLES)
         }
         self.require(wanted)
-        kept = self.read(*(row.name for row in self.rows if row.name in CABLES))
+        kept = self.read(*(row.name for row in self.rows if row.name in CABLES and row.name not in wanted))
         values = {"robot_id": robot_id, **kept, **wanted}
         self.write({"robot_id": robot_id})
         if self._connection.ask(_DEFAULTS) != (1,):
