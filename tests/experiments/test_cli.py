@@ -84,6 +84,6 @@ def test_port_is_refused_where_robots_are_emulated(started):
 
 
 def test_a_real_robot_is_not_driven_on_after_a_failure(started, tmp_path):
-    words = ("--port", "/dev/ttyACM0", "--yes", "--robot", "stingbot", "--out", str(tmp_path))
+    words = ("--port", "tcp://robot:1", "--yes", "--robot", "stingbot", "--out", str(tmp_path))
     assert run("power", "step-test", *words).exception.exit_code == ConfigError.exit_code
     assert started == ["power"]

@@ -333,7 +333,7 @@ def test_ctrl_c_at_a_question_stops_the_motors_and_writes_what_was_measured(tmp_
 def test_an_older_result_is_not_replaced_without_a_yes(tmp_path):
     path = tmp_path / "a.json"
     path.write_text("monday")
-    assert "already exists" in fails(2, "measure", "--port", "x", "-o", path)
+    assert "already exists" in fails(2, "measure", "--port", "tcp://x:1", "-o", path)
     assert path.read_text() == "monday"
 
 

@@ -80,9 +80,9 @@ def measure(
         run.print(facts, "\n".join(report.comparison(facts)))
         return
     require_writable(output, "--output", (".json",))
-    run.confirm_overwrite(output)
     if lifted and drives:
         raise ConfigError("--wheels-off-ground is given with --drive, expected one of them")
+    run.confirm_overwrite(output)
     found, ended = _Measured(), None
     try:
         found.measure(run, lifted, drives, truth)
