@@ -70,9 +70,10 @@ def pytest_configure(config):
     config.addinivalue_line("markers", "realtime: asserts a wall-clock limit; runs alone, after all others")
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False  # files by their number of tests: the longest have few
-    for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+    usual_of = {signal.SIGINT: signal.default_int_handler}
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):
         if signal.getsignal(number) is signal.SIG_IGN:
-            signal.signal(number, usual)
+            signal.signal(number, usual_of.get(number, signal.SIG_DFL))
 
 
 def _leave_home(config):

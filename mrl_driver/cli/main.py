@@ -136,7 +136,7 @@ def _terminate(*_: Any) -> None:
 
 def main(args: Optional[Sequence[str]] = None) -> None:
     """Run `mrl`; always raises SystemExit.  After a signal the robot is stopped first."""
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):  # the last is Ctrl-backslash
         if signal.getsignal(number) is not signal.SIG_IGN:  # nohup ignores it
             signal.signal(number, _terminate)
     for stream in (sys.stdout, sys.stderr):

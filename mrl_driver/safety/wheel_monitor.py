@@ -1,9 +1,10 @@
 """Compares commanded and measured motion of each wheel: finds dead or reversed encoders, blocked wheels, motors
-without power.
+without power, and wheels that run faster than commanded.
 
 No I/O: commands, counts and seconds go in, a mismatch comes out.  Each wheel must move at least as far as that of a
 slow robot: the command is late, the ramp takes twice as long as in the model, and the wheel stops before it reverses.
-A wheel that makes less than a tenth of that distance over a quarter of a second does not follow its command.
+A wheel that makes less than a tenth of that distance over a quarter of a second does not follow its command.  Nor does
+one that makes half as much again as the fastest command over half a second, or as its own speed while it brakes.
 """
 
 import math
@@ -31,6 +32,8 @@ NEWEST = 2
 LEAST_DISTANCE_M = 0.006
 LEAST_COUNTS = 6
 """The same in counts: the control sees a wheel with a slotted disc late, and the wheel may stand meanwhile."""
+FAST_SHARE, FAST_TICKS = 1.5, 10
+"""A wheel that makes more than this share of the largest distance, over this many ticks, is too fast."""
 SLOWNESS = 0.5  # the wheel may accelerate this much more slowly than in the model (factor)
 HIDDEN_S = 0.8  # after a reversal, a wheel may keep accelerating in the old direction for this time [s]
 LEAST_RAMP_MS = 500  # shortest ramp to full speed that is assumed for a motor [ms]
@@ -44,6 +47,7 @@ GAP_S = 0.15
 DEAD = "encoder dead or unplugged, or the wheel blocked"
 REVERSED = "encoder or motor wires swapped: it counts against the command"
 POWERLESS = "motor power off, or the motor board stopped"
+FAST = "too fast: the board has other parameters than the robot's file, or does not control its motors; see mrl doctor"
 BOARD_STOPS = {StopReason.WHEEL_BLOCKED: "wheel_blocked", StopReason.ENCODER: "encoder_dead"}
 """Reasons for which a board with an H-bridge stops by itself because of a wheel, and their codes in `problems`."""
 
@@ -55,7 +59,9 @@ class Mismatch(NamedTuple):
     """Name of a wheel as in the counts, or `both` or `several`; empty if the board has stopped the robot."""
     cause: str  # the most likely cause; if the board has stopped the robot, its reason: one of `BOARD_STOPS`
     expected_m: float = 0.0
-    """Smallest distance that the wheel should have made in the last quarter of a second [m]."""
+    """Smallest distance that the wheel should have made in the last quarter of a second; if it is too fast, the largest
+    in the last half second [m].
+    """
     moved_m: float = 0.0  # distance by its counts [m]; negative is against the command
 
     @property
@@ -68,10 +74,8 @@ class Mismatch(NamedTuple):
             row = PROBLEMS[BOARD_STOPS.get(self.reason, "wheel_fault")]
             return f"{row.message[0].lower()}{row.message[1:]}: {row.remedy}"
         wheels = f"{self.wheel.replace('_', ' ')} wheel" + ("s" if self.wheel in ("both", "several") else "")
-        return (
-            f"{wheels} moved {self.moved_m * 1000:.0f} mm, expected at least {self.expected_m * 1000:.0f} mm: "
-            f"{self.cause}"
-        )
+        bound = f"at {'most' if self.cause == FAST else 'least'} {self.expected_m * 1000:.0f} mm"
+        return f"{wheels} moved {self.moved_m * 1000:.0f} mm, expected {bound}: {self.cause}"
 
 
 class _Wheel:
@@ -89,6 +93,9 @@ class _Wheel:
         self._speeds = self._targets.copy()
         self._expected_m: Deque[float] = deque(maxlen=WINDOW)
         self._moved_m: Deque[float] = deque(maxlen=WINDOW)
+        self._fastest_m: Deque[float] = deque(maxlen=FAST_TICKS)
+        self._made_m: Deque[float] = deque(maxlen=FAST_TICKS)
+        self._fastest: Optional[float] = None
         self._reference = 0.0
         self._direction = self._last = 0.0
         self._asked: Set[float] = set()
@@ -104,6 +111,22 @@ class _Wheel:
         self._targets.append(target_m_s)
         self._speeds.append(moved_m / dt_s)
         self._still = self._still + 1 if abs(moved_m) < STILL_M else 0
+        return self._too_slow(moved_m, dt_s) or self._too_fast(moved_m, dt_s)
+
+    def _too_fast(self, moved_m: float, dt_s: float) -> Optional[Mismatch]:
+        """Compare with the fastest command, and with what was faster at the start or before, on the slowest ramp."""
+        before = abs(self._speeds[-1]) if self._fastest is None else self._fastest
+        self._fastest = max(*map(abs, self._targets), before - self._acceleration_m_s2 * dt_s)
+        self._fastest_m.append(self._fastest * dt_s)
+        self._made_m.append(moved_m)
+        most_m = FAST_SHARE * sum(self._fastest_m) + self._least_m
+        made_m = math.copysign(1.0, self._targets[-1]) * sum(self._made_m)
+        if len(self._made_m) < FAST_TICKS or abs(made_m) <= most_m:
+            return None
+        cause, bound_m = (FAST, most_m) if made_m > 0.0 else (REVERSED, 0.0)
+        return Mismatch(self._name, cause, bound_m, made_m)
+
+    def _too_slow(self, moved_m: float, dt_s: float) -> Optional[Mismatch]:
         least, most = min(self._targets), max(self._targets)
         floor = max(least, 0.0) + min(most, 0.0)  # the slowest of them; 0 if they differ in direction
         if floor == 0.0:
@@ -213,7 +236,8 @@ class WheelMonitor:
         """Return one mismatch for those of all wheels."""
         if len(wrong) == 1:
             return wrong[0]
-        cause = REVERSED if any(each.cause == REVERSED for each in wrong) else DEAD
+        causes = {each.cause for each in wrong}
+        cause = next(each for each in (REVERSED, DEAD, FAST) if each in causes)
         if cause == DEAD and len(wrong) == len(self._names):
             cause = POWERLESS
         return wrong[0]._replace(wheel="both" if len(self._names) == 2 else "several", cause=cause)

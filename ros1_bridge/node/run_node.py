@@ -81,6 +81,6 @@ def _end_on_signals() -> None:
     def end(number: int, _frame: Any) -> None:
         threading.Thread(target=rospy.signal_shutdown, args=(f"signal {number}",)).start()
 
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it
             signal.signal(number, end)

@@ -63,7 +63,7 @@ def test_a_timed_drive_begins_when_the_bias_of_the_gyro_is_known(emulated_board)
     assert json.loads(done.stdout)["imu"]["state"] == "in use"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGQUIT])
 def test_a_signal_stops_the_robot_first(serve, number):
     port = serve()
     command = [*MRL, "drive", "--port", port.path, "--linear", "0.1", "--for", "60"]
@@ -71,7 +71,7 @@ def test_a_signal_stops_the_robot_first(serve, number):
     wait_until(lambda: port.board.speeds == (100, 0))
     process.send_signal(number)
     _, err = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143}[number]
+    assert process.returncode == (130 if number == signal.SIGINT else 143)
     wait_until(lambda: port.board.speeds == (0, 0))  # the board reads what was sent before the end
     assert port.board.heard[-1].code != 11
     assert "Traceback" not in err

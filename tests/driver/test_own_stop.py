@@ -12,7 +12,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import BY_NAME, STOP_CODE
-from mrl_driver.safety.wheel_monitor import Mismatch
+from mrl_driver.safety.wheel_monitor import FAST, Mismatch
 from mrl_driver.session.events import OwnStop
 from mrl_driver.session.handshake import DEFAULT_PLAN, Board
 from mrl_driver.session.session import REFUSED_S
@@ -380,6 +380,16 @@ def test_a_command_after_such_a_request_is_guarded_again(robot):
     robot.driver.drive(0.1, 0.0)
     robot.driver.wait(2.0)
     assert driven_s(robot) < STOPPED_S
+
+
+@pytest.mark.parametrize("motors", ["omni3md", "bridge"])
+def test_a_board_with_the_parameters_of_another_robot_does_not_drive_on_at_twice_the_speed(robots, motors):
+    robot = robots(motors=motors)
+    robot.driver.parameters.write({"encoder_counts": 2 * robot.bench.model.board["encoder_counts"]})
+    robot.driver.drive(0.2, 0.0)
+    robot.driver.wait(3.0)
+    assert robot.driver.mismatch.cause == FAST and robot.driver.stopped
+    assert robot.driver.stop_reason == "wheel_mismatch"
 
 
 @pytest.mark.parametrize("away_s", [0.1, 1.0])

@@ -17,6 +17,9 @@ from mrl_driver.robot.models import Drive
 from mrl_driver.robot.odometry import WHEELS_BY_COUNT, FourWheels, Wheels
 from mrl_driver.safety.wheel_monitor import (
     DEAD,
+    FAST,
+    FAST_SHARE,
+    FAST_TICKS,
     POWERLESS,
     REVERSED,
     STILL_TICKS,
@@ -123,6 +126,20 @@ def test_a_wheel_that_fails_on_the_move_is_named_in_time(name, speeds, fault, wh
     found = drive.run(2.0)
     assert (found.wheel, found.cause) == (wheel, cause)
     assert drive.now - failed_s <= NOTICED_S
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("speeds", SPEEDS)
+@pytest.mark.parametrize(("shares", "wheel"), [((2, 1), "right"), ((1, 2), "left")])
+def test_a_wheel_that_runs_twice_as_fast_as_commanded_is_named(name, speeds, shares, wheel):
+    """As with another wheel size or gearbox in the board than in the robot's file."""
+    drive = Motors(name)
+    drive.command(*speeds)
+    assert drive.run(4.0) is None
+    drive.fault = counting(*shares)(drive)
+    found = drive.run(1.0)
+    assert (found.wheel, found.cause) == (wheel, FAST)
+    assert f"expected at most {1000 * found.expected_m:.0f} mm" in str(found)
 
 
 @pytest.mark.parametrize("phase", range(10))
@@ -296,6 +313,27 @@ def test_a_command_that_reverses_at_once_begins_a_new_window():
     for _ in range(WINDOW_READINGS - 1):
         assert watch.read(SPEED_M_S) is None
     assert watch.first(-SPEED_M_S, counts=1000)[0] == 26 + WINDOW_READINGS - 1
+
+
+@pytest.mark.parametrize(("extra_m", "followed"), [(0.00598, True), (0.00602, False)])
+def test_a_wheel_that_makes_half_as_much_again_and_6_mm_more_in_ten_readings_is_not_too_fast(
+    extra_m, followed
+):
+    watch = started(latency_s=0.0)
+    counts = round((FAST_SHARE * STEP_M + extra_m / FAST_TICKS) / MICROMETRE)
+    assert [watch.read(SPEED_M_S, counts) is None for _ in range(FAST_TICKS)] == [True] * 9 + [followed]
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_wheel_that_brakes_half_as_fast_as_in_the_model_is_not_too_fast(way):
+    """From 0.8 m/s, and from a first reading at this speed."""
+    for begins in (Watch, started):
+        watch, speed_m_s = begins(SLOW_M_S2, latency_s=0.0), 0.8
+        for _ in range(20 * (begins is started)):
+            assert watch.read(way * 0.8, round(way * 0.8 * DT_S / MICROMETRE)) is None
+        while speed_m_s > SPEED_M_S:
+            assert watch.read(way * SPEED_M_S, round(way * speed_m_s * DT_S / MICROMETRE)) is None
+            speed_m_s -= SLOW_M_S2 / 2 * DT_S
 
 
 @pytest.mark.parametrize(("count_m", "followed"), [(2**-8, True), (0.999 * 2**-8, False)])

@@ -50,7 +50,7 @@ def drive(rig, wire):
     rig.drive_until(lambda: wire.first(MOVE, since) < math.inf)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, None])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, None])
 def test_signal_or_rosnode_kill_stops_the_robot_and_ends_the_node(rig, number):
     node, wire = started(rig)
     drive(rig, wire)

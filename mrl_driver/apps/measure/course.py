@@ -30,7 +30,7 @@ from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.models.drives import moves_sideways
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.safety.wheel_monitor import BOARD_STOPS, POWERLESS, REVERSED
+from mrl_driver.safety.wheel_monitor import BOARD_STOPS, FAST, POWERLESS, REVERSED
 
 from .rows import COURSE, KINDS, Row, absent, failed, keys_of
 
@@ -52,7 +52,7 @@ SEEN_PERCENT = 1.0
 SURE = {1: 15.1, 2: 18.4, 3: 21.1}
 """Squared deviations that one sound robot in 10 000 exceeds, by the number of values (chi-squared)."""
 _POSE = BY_NAME["read_virtual_pose"].code
-_MISMATCHES = {REVERSED: "wheel_reversed", POWERLESS: "wheels_powerless"}
+_MISMATCHES = {REVERSED: "wheel_reversed", POWERLESS: "wheels_powerless", FAST: "speed_scale"}
 _OMNI = {
     "wheel_size": "correct metres_per_count in the robot's file: multiply it by the true distance over the wheels'",
     "track_width": "correct radius_m in the robot's file: multiply it by the wheels' angle over the true one",

@@ -6,7 +6,7 @@ import numpy as np
 
 from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.robot.models import Drive
-from mrl_driver.safety.wheel_monitor import POWERLESS, REVERSED, Mismatch
+from mrl_driver.safety.wheel_monitor import FAST, POWERLESS, REVERSED, Mismatch
 
 from .evidence import TELEMETRY, Finding, command_at, finding, heard, interruptions, outside, runs
 
@@ -42,6 +42,8 @@ def _cause(drive: DriveData, time_s: float, mismatch: Mismatch) -> Tuple[str, st
         return "wheels_powerless", "No wheel turned", ""
     if mismatch.cause == REVERSED:
         return "wheel_reversed", f"{name} counted against its command", ""
+    if mismatch.cause == FAST:
+        return "speed_scale", f"{name} ran faster than asked", ""
     blocked = _is_blocked(drive, time_s, wheel)
     if blocked is None:
         return "wheel_dead", f"{name} did not count", ""
