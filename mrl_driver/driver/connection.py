@@ -203,6 +203,8 @@ class Connection:
     def wait(self, timeout_s: Optional[float] = None) -> bool:
         with self.stop_if_refused():
             timeout_s = require_timeout("timeout_s", timeout_s)
+        if timeout_s is None:
+            self._require_other_thread("wait")
         with self.changed:
             ended = self.changed.wait_for(lambda: self.closing or self.error is not None, timeout_s)
             if self.error is not None:
@@ -241,11 +243,18 @@ class Connection:
         with self.stop_if_refused():
             wait_s = require_timeout("timeout_s", timeout_s)
             code, args = _whole(code, args)
+        self._require_other_thread("ask")
         for _ in range(ATTEMPTS):
             reply = self._ask_once(code, args, math.inf if wait_s is None else wait_s)
             if reply is not None:
                 return reply
         raise BoardTimeout(f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s} s; try again")
+
+    def _require_other_thread(self, name: str) -> None:
+        if threading.current_thread() is self.thread:
+            raise MrlError(
+                f"{name} is called in a callback, whose thread reads the port: nothing would arrive; call it elsewhere"
+            )
 
     def _ask_once(self, code: int, args: Tuple[int, ...], wait_s: float) -> Optional[Tuple[int, ...]]:
         """Send a request, and return its reply; None if it has not come within this time."""

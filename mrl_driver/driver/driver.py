@@ -165,7 +165,8 @@ class Driver:
 
         Raises:
             ConfigError: `timeout_s` is not a number, or NaN.
-            MrlError: the driver failed; this is the error, such as LinkLost.
+            MrlError: the driver failed; this is the error, such as LinkLost.  Or it was called on the reading thread
+                without `timeout_s`.
         """
         return self._connection.wait(timeout_s)
 
@@ -311,6 +312,7 @@ class Driver:
             ConfigError: `timeout_s` is not a number, or NaN.
             BoardTimeout: no reply within `timeout_s`, in each of three attempts.
             LinkLost: the port went away.
+            MrlError: it was called on the reading thread.
         """
         return self._connection.ask(code, *args, timeout_s=timeout_s)
 

@@ -213,6 +213,15 @@ def test_a_close_ends_the_wait_for_an_answer(robot):
         robot.ask(BY_NAME["read_counters"].code, timeout_s=PATIENCE_S)
 
 
+@pytest.mark.parametrize(
+    "call", [lambda robot: robot.ask(BY_NAME["get_stream"].code), lambda robot: robot.wait()]
+)
+def test_a_callback_that_would_wait_for_its_own_thread_ends_the_driver_with_the_reason(robot, call):
+    robot.on_telemetry(lambda _: call(robot))
+    with pytest.raises(MrlError, match="is called in a callback, whose thread reads the port"):
+        robot.wait(PATIENCE_S)
+
+
 def test_a_callback_cannot_start_a_robot_that_is_being_stopped(serve):
     """A command that comes during the good-bye would undo the stop."""
     port = serve()
