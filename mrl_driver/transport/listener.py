@@ -26,7 +26,8 @@ MOST_WAITING = 10_000  # more datagrams than the system keeps
 
 
 class TcpListener:
-    """Accepts TCP connections.
+    """Accepts TCP connections.  One that begins with a letter is closed: it is a browser's `GET` or `POST`, by which a page
+    of any site could send frames to this computer.
 
     Raises:
         ConfigError: the address does not belong to this computer.
@@ -36,7 +37,7 @@ class TcpListener:
     def __init__(self, address: Address) -> None:
         self._listening = bound(address, socket.SOCK_STREAM)
         self._end: Optional[socket.socket] = None
-        self._accepts = True
+        self._accepts, self._silent = True, True
         self.address = address._replace(port=self._listening.getsockname()[1])
         """Address of the listener; if port 0 was requested, with the port that the system chose."""
         self.client = ""  # address of the connected client; empty without one
@@ -69,7 +70,7 @@ class TcpListener:
                 continue
             end.setblocking(False)
             prompt(end)
-            self._end, self.client, came = end, spell(name), True
+            self._end, self.client, came, self._silent = end, spell(name), True, True
 
     def _gone_already(self) -> None:
         """Drop the client if it has closed its connection already."""
@@ -91,8 +92,10 @@ class TcpListener:
             return b""
         except OSError:
             data = b""
-        if not data:
+        if not data or (self._silent and data[:1].isalpha()):
             self.drop()
+            return b""
+        self._silent = False
         return data
 
     def write(self, data: bytes) -> int:

@@ -70,6 +70,17 @@ def test_the_robot_stops_when_its_client_is_gone(served):
     wait_until(lambda: any("has left; the robot is stopped" in line for line in served.told))
 
 
+@pytest.mark.parametrize("method", [b"POST", b"GET"])
+def test_frames_in_a_request_of_a_browser_reach_no_board(method):
+    """A page of any site may have the browser send them to this computer."""
+    listener = listen("tcp://127.0.0.1:0")
+    with contextlib.closing(listener), contextlib.closing(open_link(str(listener.address))) as browser:
+        wait_until(listener.attend)
+        browser.write(method + b" / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" + COMMAND)
+        wait_until(lambda: listener.read() or not listener.client)
+        assert not listener.client
+
+
 def over(link, listener, tell=str):
     """A bridge over a link that is there."""
     link.port, link.close = "/dev/ttyACM0", str
