@@ -31,11 +31,11 @@ experiments: setup firmware comparison ## Measure the papers' experiments in sim
 fuzz-readers: setup pc-firmware ## Change the inputs of each reader at random for SECONDS=n, from SEED=n
 	$(PY) -m tests.long.fuzz.inputs --seconds $(or $(SECONDS),$(if $(FAST),0.03,60)) --seed $(or $(SEED),1)
 
-fuzz: fuzz-readers ## The same, then damage frames and feed the decoders random bytes for MINUTES=n each; build/bench/reliability.json
+fuzz: fuzz-readers $(filter $(PC_BUILD)/fuzz%,$(FUZZERS)) ## The same, then damage frames and feed the decoders random bytes for MINUTES=n each; build/bench/reliability.json
 	$(PY) -m tests.long.fuzz --minutes $(MINUTES)
 	$(PY) -m tests.long.fuzz.greetings
-	cd $(PC_BUILD) && for fuzzer in ./fuzz_firmware ./fuzz_firmware_hbridge; do \
-	  $$fuzzer $(if $(FAST),-runs=1000,-max_total_time=$$(( $(MINUTES) * 60 ))) -print_final_stats=1 || exit 1; done
+	for fuzzer in $(filter $(PC_BUILD)/fuzz%,$(FUZZERS)); do \
+	  $$fuzzer -artifact_prefix=$(PC_BUILD)/ $(if $(FAST),-runs=1000,-max_total_time=$$(( $(MINUTES) * 60 ))) -print_final_stats=1 || exit 1; done
 
 reactions: setup firmware ## Kill, unplug, stop and close repeatedly, then keep driving for MINUTES=n; build/bench/reliability.json
 	$(PY) -m tests.long.fuzz.reactions --minutes $(MINUTES)

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "hal_pc.h"
-#include "src/serial/protocol.h"
+#include "src/board/wiring.h"
 
 namespace {
 
@@ -41,12 +41,16 @@ void pin(int, int, double) {}
 
 // Lines of the encoders go to and fro, as those of turning wheels, open wires and oscillations.
 void move_encoders() {
+#if MRL_MEGA
+  static const int pins[] = {62, 63, 64, 65, 66, 67, 68, 69};
+#else
   static const int pins[] = {2, 4, 8, 10};
+#endif
   double time_us = pc_now_us();
   for (int count = random_byte(); count; count--) {
     const uint8_t which = random_byte();
     time_us += which >> 4;
-    pc_edge(pins[which & 3], which >> 2 & 1, time_us);
+    pc_edge(pins[which % (sizeof pins / sizeof *pins)], which >> 3 & 1, time_us);
   }
 }
 
@@ -58,19 +62,39 @@ void wait(double us) {
   if (pc_slept_too_long()) abort();
 }
 
-// A board with an H-bridge moves only if it knows its wiring: here that of a duo.
+// A board with an H-bridge moves only if it knows its wiring: parameters from the first pin on, of four wheels with two
+// servos and a range sensor, or of a duo.
+#if MRL_BRIDGE
+#if MRL_MEGA
+constexpr int8_t WIRES[] = {6,  22, 23, 7,  24, 25, 62, 63, 64, 65, 55, -1, -1, -1, -1, 54, -1, -1, 1, 2,
+                            -1, 0,  0,  -1, -1, -1, -1, -1, -1, 0,  0,  -1, -1, -1, -1, -1, -1, 20, 8, 26,
+                            27, 46, 28, 29, 66, 67, 68, 69, 3,  -1, -1, -1, 31, 10};
+#else
+constexpr int8_t WIRES[] = {5, 6, 7, 11, 3, 9, 2, 4, 8, 10, 14, 15, 16, 12, 13, 17, -1, -1, 1};
+#endif
+
+void set(int parameter, int value) {
+  const int16_t args[] = {static_cast<int16_t>(parameter), static_cast<int16_t>(value)};
+  mrl::handlers::write_config(args, 2);
+}
+
+void wire() {
+  int next = static_cast<int>(mrl::Parameter::pin_left_pwm_a);
+  for (int8_t pin : WIRES) set(next++, pin);
+  set(static_cast<int>(mrl::Parameter::wiring), mrl::WIRING_SET);
+  set(static_cast<int>(mrl::Parameter::bridge), static_cast<int>(mrl::Bridge::tb6612));
+  wait(20000);
+  if (!mrl::wiring::accepted()) abort();
+}
+#else
+void wire() {}
+#endif
+
 bool start() {
   static const PcWorld world = {write, read, adc, pin, nullptr, nullptr, nullptr, nullptr};
   static uint8_t eeprom[1024];
   pc_start(&world, 0, 0, PC_POWER_ON, eeprom);
-  for (const char* byte =
-           "@35,28,5e@35,29,6e@35,30,7e@35,31,11e@35,32,3e@35,33,9e@35,34,2e@35,35,4e@35,36,8e@35,37,10e"
-           "@35,38,14e@35,39,15e@35,40,16e@35,41,12e@35,42,13e@35,43,17e@35,44,1e@35,20,1e@35,19,4e";
-       *byte; byte++) {
-    pc_receive(static_cast<uint8_t>(*byte));
-    wait(200);
-  }
-  wait(20000);
+  wire();
   return true;
 }
 
