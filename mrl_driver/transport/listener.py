@@ -26,8 +26,8 @@ MOST_WAITING = 10_000  # more datagrams than the system keeps
 
 
 class TcpListener:
-    """Accepts TCP connections.  One that begins with a letter is closed: it is a browser's `GET` or `POST`, by which a page
-    of any site could send frames to this computer.
+    """Accepts TCP connections.  One that begins with a letter is closed: it is a browser's `GET` or `POST`, by which a
+    page of any site could send frames to this computer.
 
     Raises:
         ConfigError: the address does not belong to this computer.
