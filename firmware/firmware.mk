@@ -131,7 +131,3 @@ $(eval $(call FUZZ_IMAGE,,))
 $(eval $(call FUZZ_IMAGE,_hbridge,-DMRL_BRIDGE=1))
 
 pc-firmware: $(PC_LIBRARIES) $(FUZZERS) ## Build the same C++ for tests on the PC
-
-# Those of make fuzz alone.
-$(eval $(call FUZZ_IMAGE,_hbridge_mega,-DMRL_BRIDGE=1 -DMRL_MEGA=1))
-$(eval $(call FUZZ_IMAGE,_virtual,-DMRL_BRIDGE=1 -DMRL_VIRTUAL=1))

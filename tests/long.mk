@@ -31,6 +31,9 @@ experiments: setup firmware comparison ## Measure the papers' experiments in sim
 fuzz-readers: setup pc-firmware ## Change the inputs of each reader at random for SECONDS=n, from SEED=n
 	$(PY) -m tests.long.fuzz.inputs --seconds $(or $(SECONDS),$(if $(FAST),0.03,60)) --seed $(or $(SEED),1)
 
+# Besides those of pc-firmware.
+$(eval $(call FUZZ_IMAGE,_hbridge_mega,-DMRL_BRIDGE=1 -DMRL_MEGA=1))
+$(eval $(call FUZZ_IMAGE,_virtual,-DMRL_BRIDGE=1 -DMRL_VIRTUAL=1))
 fuzz: fuzz-readers $(filter $(PC_BUILD)/fuzz%,$(FUZZERS)) ## The same, then damage frames and feed the decoders random bytes for MINUTES=n each; build/bench/reliability.json
 	$(PY) -m tests.long.fuzz --minutes $(MINUTES)
 	$(PY) -m tests.long.fuzz.greetings
