@@ -1,7 +1,7 @@
 # The long runs.  With FAST=1 each is in its shortest form, in which `make smoke` runs them all; with KEEP=1 a full run
 # writes its figures to docs/figures.
 MINUTES ?= $(if $(FAST),0.02,10)
-BENCHES := firmware host sim radio hold ros relay fleet calibration web
+BENCHES := firmware host sim radio hold ros relay fleet web
 
 .PHONY: smoke figures experiments fuzz fuzz-readers reactions soak verify frames mutants review-holdout test-fresh \
   test-tutorials test-pythons explore $(BENCHES:%=bench-%)
@@ -14,7 +14,6 @@ bench-hold: firmware ## Measure how soon a hold by radio stops a robot; build/be
 bench-ros: ## Measure the ROS node and, for comparison, a bare rospy loop; build/bench/ros.json
 bench-relay: ## Measure topics that cross between two masters, and a pulled cable; build/bench/relay.json
 bench-fleet: ## Measure team.launch with 20 robots and with one; build/bench/fleet.json
-bench-calibration: ## Calibrate 20 emulated robots with hidden errors; build/bench/calibration.json
 bench-web: ## Measure stop times, CPU and first load of the page in Chromium; build/bench/web.json
 $(BENCHES:%=bench-%): bench-%: setup
 	$(ROS_ENV) $(PY) -m tests.long.bench $*
