@@ -149,6 +149,8 @@ def test_old_dust_is_forgotten(board):
 
 
 def test_a_silent_dust_sensor_is_flagged_until_it_comes_back(board):
+    """Although the other sensors answer."""
+    board.send("start_sensor_stream", 50)
     board.run(55.0)
     before = board.faults()
     board.run(15.0)
@@ -156,13 +158,6 @@ def test_a_silent_dust_sensor_is_flagged_until_it_comes_back(board):
     dusty(board, 6.0, percent=1.0)
     board.faults()
     assert board.faults() == 0
-
-
-def test_one_sensors_fault_is_not_cleared_by_another(board):
-    board.send("start_sensor_stream", 50)
-    board.run(70.0)
-    board.faults()
-    assert board.faults() & SENSOR
 
 
 POWER, TRIGGER = 13, 12

@@ -12,7 +12,7 @@ from tests.conftest import EXPLORE
 from tests.firmware.pc_board import BRIDGE, MEGA, load
 from tests.wirings import random_wiring, rows
 
-TRIALS = 60_000 if EXPLORE else 6_000
+TRIALS = 60_000 if EXPLORE else 2_000
 SEED = int(EXPLORE or 20261129)
 
 

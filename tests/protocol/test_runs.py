@@ -6,7 +6,7 @@ from typing import Iterator, List, NamedTuple
 from unittest import mock
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder, Stamp, decoder, encode_reply
@@ -112,7 +112,6 @@ RESTS = (b"e", b"@", b"\r\n@5,1,2,3,4,5e", b"x\r\n")
 """What may come last: it ends a frame that waits, breaks it off, or ends the line with what that held."""
 
 
-@settings(max_examples=200)
 @given(
     CODES,
     DAMAGES,
