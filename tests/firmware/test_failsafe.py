@@ -235,7 +235,7 @@ def let_hours_pass(board, hours):
 
 
 def test_everything_works_after_days(bench):
-    """Across the wrap of the stream's clock of 8 us (9.54 h), and beyond those of 31 and 32 bits of ticks (38, 76 h)."""
+    """Across the wrap of the clock of streams, of 8 us (9.54 h), beyond those of 31 and 32 bits of ticks (38, 76 h)."""
     board = bench(sonars=False)
     for hours in (2**32 * 8e-6 / 3600 - 0.001, 29.5, 38.0):
         let_hours_pass(board, hours)

@@ -92,10 +92,6 @@ def test_a_motion_ends_at_the_wall(way_m, share):
     assert share - STEP <= possible <= share
 
 
-def test_a_motion_that_begins_in_contact_is_not_possible_at_all():
-    assert share_of(0.05, start=Pose(0.9 + 1e-9, 0.0, 0.0)) == 0.0
-
-
 def test_a_motion_that_is_free_for_less_than_a_part_in_4096_is_not_possible():
     way_m = 0.1
     begin = 0.9 - 0.9 * STEP * way_m
@@ -115,20 +111,8 @@ def test_a_robot_in_contact_may_slide_along_the_wall():
     assert share_of(0.3, walls=[along]) == 1.0
 
 
-def test_a_robot_between_two_walls_is_as_deep_as_the_nearest_one_says():
-    """20 mm in one wall and 10 mm in another: towards the second it gets out of the first."""
-    walls = [Wall(0.08, -5.0, 0.08, 5.0), Wall(-0.09, -5.0, -0.09, 5.0)]
-    assert share_of(-0.004, walls=walls) == 1.0
-    assert share_of(0.004, walls=walls) == 0.0
-
-
 def test_a_robot_that_is_clear_may_not_begin_a_contact_that_is_no_deeper_than_none():
     assert share_of(0.02, start=Pose(0.89, 0.0, 0.0)) == pytest.approx(0.5, abs=2 * STEP)
-
-
-def test_a_box_is_stopped_by_its_bow():
-    box = Footprint(0.4, 0.2)
-    assert share_of(0.2, start=Pose(0.7, 0.0, 0.0), footprint=box) == pytest.approx(0.5, abs=2 * STEP)
 
 
 @pytest.mark.parametrize(
@@ -181,13 +165,6 @@ def test_a_wall_stops_the_robot_at_its_bow():
     assert plant.robot.state.bumped
     slipping_m = plant.robot.motors[0].travel * TRAXBOT.drive.metres_per_count
     assert slipping_m > 1.0
-
-
-def test_a_box_cannot_turn_beside_a_wall():
-    """Its side is 1 mm away, its corners need 50 mm more."""
-    gap = 0.5 * TRAXBOT.body.width_m + 0.001
-    plant = driven(World([Wall(-1, gap, 1, gap)]), linear=0, angular=1000)
-    assert abs(plant.true_pose.yaw_rad) < math.radians(3)
 
 
 def test_two_robots_of_a_world_meet():

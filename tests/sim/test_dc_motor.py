@@ -133,12 +133,6 @@ def test_a_wheel_coasts_to_rest_by_its_friction_and_stays(speed):
     assert (motion.start_s, motion.duration_s, motion.speed) == pytest.approx((0.0, 0.125, speed))
 
 
-def test_a_wheel_that_rests_at_the_end_of_a_step_has_no_speed_left():
-    coasting = motor(COAST, 50.0)
-    coasting.move(0.125, 12.0)
-    assert coasting.speed == 0.0
-
-
 @pytest.mark.parametrize("shares", [FORWARD, BACKWARD, BRAKE, MIXED])
 @pytest.mark.parametrize("speed", [100.0, -100.0])
 def test_acceleration_and_rate_come_from_all_shares(shares, speed):
@@ -221,7 +215,3 @@ def test_a_long_step_is_the_same_as_many_short_ones(mix, speed, pieces):
     assert math.fsum(ways) == pytest.approx(many.travel, abs=1e-6)
     assert (many.travel, many.speed) == pytest.approx((one.travel, one.speed), rel=1e-6, abs=1e-6)
     assert many.take_charge() == pytest.approx(one.take_charge(), rel=1e-6, abs=1e-9)
-
-
-def test_a_bridge_takes_its_part_of_the_voltage():
-    assert motor(FORWARD, drop_v=1.4).move(0.1, 12.0) == pytest.approx(motor(FORWARD).move(0.1, 10.6))

@@ -99,20 +99,6 @@ def test_control_begins_at_the_speed_and_the_duty_that_there_are(command, sensed
     assert motor.duty == pytest.approx(0.25 + 150 / 12000)
 
 
-@pytest.mark.parametrize(
-    "command", [lambda motor: motor.set_speed(6000.0), lambda motor: motor.go_to(1e6, 6000.0, True)]
-)
-def test_control_begins_without_a_past_error(command):
-    """The differential part of the first tick is that of the whole error."""
-    motor = Motor(PARAMS)
-    motor.set_speed(1200.0)
-    motor.control(TICK_S, STEP)
-    motor.brake()
-    command(motor)
-    motor.control(TICK_S, ControlSettings(0, 0, 1000, 0))
-    assert motor.duty == pytest.approx(0.5)
-
-
 def test_a_control_tick_leaves_a_given_duty_and_a_brake_alone():
     given, braked = Motor(PARAMS), spinning(500.0)
     given.set_duty(0.3)
@@ -132,13 +118,6 @@ def test_the_ramp_rises_by_the_same_speed_each_tick_and_ends_at_the_target(sign)
     assert set_points(motor, 4) == pytest.approx([sign * each for each in (250, 100, -50, -100)])
 
 
-@pytest.mark.parametrize(("ramp_ms", "step"), [(0, 7500.0), (1, 7500.0), (50, 7500.0), (100, 3750.0)])
-def test_the_step_of_the_ramp_is_the_part_of_its_time(ramp_ms, step):
-    motor = Motor(PARAMS)
-    motor.set_speed(7500.0)
-    assert set_points(motor, 1, ControlSettings(1000, 0, 0, ramp_ms)) == pytest.approx([step])
-
-
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("ramp_gain", "first"), [(0, 150.0), (100, 900.0), (1000, 7000.0)])
 def test_the_ramp_takes_off_from_standstill_at_its_gain_and_not_above_the_target(ramp_gain, first, sign):
@@ -156,46 +135,6 @@ def test_a_motor_that_should_stand_is_stood_below_a_count_a_second(command, spee
     motor.speed = speed
     motor.control(TICK_S, STEP)
     assert motor.speed == left
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        lambda motor: motor.set_duty(1e-3),
-        lambda motor: motor.set_speed(1e-3),
-        lambda motor: motor.go_to(0.0, 0.0, True),
-        lambda motor: motor.brake(),
-    ],
-)
-def test_a_motor_that_may_move_is_not_stood(command):
-    motor = Motor(PARAMS)
-    command(motor)
-    motor.speed = 0.5
-    motor.control(TICK_S, STEP)
-    assert motor.speed == 0.5
-
-
-def test_a_motor_on_its_ramp_to_zero_is_not_stood_before_the_end():
-    """Something holds the wheel, so that its speed is zero while the set point is not."""
-    motor = Motor(PARAMS)
-    motor.set_speed(400.0)
-    set_points(motor, 3)
-    motor.set_speed(0.0)
-    assert set_points(motor, 3) == pytest.approx([250.0, 100.0, 0.0])
-    assert motor.at_rest
-
-
-def test_a_motor_that_was_stood_begins_its_next_motion_from_nothing():
-    motor = Motor(PARAMS)
-    motor.set_speed(6000.0)
-    motor.control(TICK_S, ControlSettings(0, 400, 0, 0))
-    motor.set_speed(0.0)
-    motor.speed = 0.5
-    motor.control(TICK_S, ControlSettings(0, 400, 0, 0))
-    assert (motor.speed, motor.duty) == (0.0, 0.0)
-    motor.set_speed(6000.0)
-    motor.control(TICK_S, ControlSettings(0, 0, 1000, 0))
-    assert motor.duty == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(
@@ -235,15 +174,6 @@ def test_a_motor_lets_go_within_half_a_count_of_its_goal(travel, hold, mode):
     motor.go_to(100.0, 3000.0, hold)
     motor.control(TICK_S, STEP)
     assert motor.mode is mode
-
-
-def test_a_motor_that_lets_go_has_no_duty():
-    motor = Motor(PARAMS)
-    motor.go_to(100.0, 3000.0, False)
-    motor.control(TICK_S, STEP)
-    motor.travel = 100.4
-    motor.control(TICK_S, STEP)
-    assert motor.duty == 0.0
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -293,16 +223,6 @@ def test_a_wheel_that_is_held_does_not_move_and_has_no_speed(command):
     command(motor)
     motor.blocked = True
     assert (motor.move(0.1, VOLTS), motor.travel, motor.speed) == (0.0, 0.0, 0.0)
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_friction_holds_a_motor_up_to_its_speed(sign):
-    """2 % of the no-load speed: at 2 % it stands, a little above it starts slowly."""
-    weak, strong = Motor(LOADED), Motor(LOADED)
-    weak.set_duty(sign * 0.02)
-    strong.set_duty(sign * 0.0201)
-    assert weak.move(1.0, VOLTS) == 0.0
-    assert 0.0 < sign * strong.move(1.0, VOLTS) < 1.3
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -394,11 +314,3 @@ def test_a_motor_whose_duty_just_carries_its_friction_coasts_down():
     motor.set_duty(LOADED.friction_counts_s / LOADED.no_load_counts_s)
     motor.move(LOADED.time_constant_s, VOLTS)
     assert motor.speed == pytest.approx(1000.0 / math.e)
-
-
-@pytest.mark.parametrize("nominal_v", [7.2, 12.0])
-def test_half_the_nominal_voltage_gives_half_the_no_load_speed(nominal_v):
-    motor = Motor(PARAMS._replace(nominal_v=nominal_v))
-    motor.set_duty(1.0)
-    motor.move(5.0, 0.5 * nominal_v)
-    assert motor.speed == pytest.approx(6000.0)

@@ -136,21 +136,6 @@ def test_a_battery_is_steep_at_both_ends_and_flat_between(charge, volts):
     assert interpolate(params_for(TRAXBOT).rest_curve, charge) == pytest.approx(volts)
 
 
-@pytest.mark.parametrize(
-    ("longest_s", "steps"),
-    [
-        (1.0, [0.02, 0.02, 0.01, 0.02, 0.02, 0.01, 0.02]),
-        (0.015, [*[0.015, 0.015, 0.015, 0.005] * 2, 0.015, 0.005]),
-    ],
-)
-def test_a_moving_robot_is_reported_in_steps_of_20_ms_that_end_at_the_ticks_of_its_board(longest_s, steps):
-    robot = body()
-    robot.motors[0].set_duty(0.5)
-    seen = motions_of(robot, longest_s)
-    robot.step(0.12)
-    assert [motion[0] for motion in seen] == pytest.approx(steps)
-
-
 def test_a_robot_at_rest_is_reported_in_steps_of_a_second_without_motion():
     robot = body()
     seen = motions_of(robot)
@@ -173,24 +158,6 @@ def test_the_ticks_of_the_board_go_on_at_rest(rest_s, first):
     assert [end for end in ends if abs(end / TICK_S - round(end / TICK_S)) < 1e-6][:3] == pytest.approx(
         [(math.floor(rest_s / TICK_S + 1e-6) + n) * TICK_S for n in (1, 2, 3)]
     )
-
-
-@pytest.mark.parametrize("control_hz", [10.0, 20.0, 40.0])
-def test_the_control_acts_at_its_rate(control_hz):
-    """Nothing moves before the first tick, which sets the first duty."""
-    robot = body(control_hz=control_hz)
-    robot.motors[0].set_speed(3000.0)
-    robot.step(1.0 / control_hz - 1e-6)
-    assert robot.motors[0].duty == 0.0
-    robot.step(2e-6)
-    assert robot.motors[0].duty > 0.0
-
-
-def test_a_robot_begins_where_it_is_put():
-    placed = RobotPhysics(params_for(TRAXBOT), (1.0, 2.0, 3.0))
-    assert pose_of(placed) == (1.0, 2.0, 3.0)
-    assert pose_of(RobotPhysics(params_for(TRAXBOT))) == (0.0, 0.0, 0.0)
-    assert not placed.state.bumped
 
 
 @pytest.mark.parametrize(
@@ -227,16 +194,6 @@ def test_a_wheel_without_grip_moves_the_body_less(wheel, twist):
     robot.step(0.02)
     assert seen == [pytest.approx((0.02, twist[0], 0.0, twist[1]))]
     assert robot.motors[wheel].travel * robot.params.left_m_per_count == pytest.approx(0.02)
-
-
-def test_a_rear_wheel_without_grip_pushes_a_turn_aside():
-    """Of three wheels that roll 2 mm each, the rear one moves the body by 1 mm alone."""
-    robot = body(OMNI)
-    roll(robot, 0.0, 0.0, 1.0)
-    robot.grip[1] = 0.5
-    seen = motions_of(robot)
-    robot.step(0.02)
-    assert seen == [pytest.approx((0.02, 0.0, 0.001 * 2 / 3, 0.005 / 0.3))]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])

@@ -37,12 +37,3 @@ def test_without_pulses_it_stays_where_it_is():
     end_s = after_pulses(servo, 2500, 0.1)
     limp_rad = servo.angle_rad(end_s + LIMP_S)
     assert servo.pulse_us(end_s + LIMP_S) == 0 and servo.angle_rad(end_s + 1.0) == limp_rad
-
-
-def test_it_does_not_turn_while_something_holds_it():
-    servo = Servo()
-    servo.stalled = True
-    end_s = after_pulses(servo, 2500, 1.0)
-    assert servo.angle_rad(end_s) == 0.0
-    servo.stalled = False
-    assert servo.angle_rad(after_pulses(servo, 2500, 1.0, end_s)) > 1.5
