@@ -117,7 +117,14 @@ class Reconfigure:
     def _serve(self, group: str, description: Description, callback: Any) -> None:
         from dynamic_reconfigure.server import Server  # late: the import takes most of the second
 
-        self._servers[group] = Server(description, callback, group)
+        class Numbers(Server):
+            def update_configuration(self, changes: Mapping[str, Any]) -> Any:
+                for name, value in changes.items():
+                    if isinstance(value, str):
+                        raise rospy.ServiceException(f"{name} is {value!r}, expected a number")
+                return super().update_configuration(changes)
+
+        self._servers[group] = Numbers(description, callback, group)
 
     def _on_limits(self, config: Any, _level: int) -> Any:
         self._commander.limits = limits_of(config, self._commander.limits)

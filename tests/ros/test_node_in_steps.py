@@ -521,6 +521,8 @@ def test_limits_of_an_earlier_run_do_not_count(node):
         assert node.driver.limits[:2] == (0.3, 0.5)
         assert node.configure("limits", max_linear_speed=math.nan)["max_linear_speed"] == 0.3
         assert node.configure("limits", max_angular_speed=0.0)["max_angular_speed"] == 0.01
+        with pytest.raises(rospy.ServiceException, match="max_linear_speed is 'fast', expected a number"):
+            node.configure("limits", max_linear_speed="fast")
         assert node.driver.limits[:2] == (0.3, 0.01)
         assert "~clear_range" not in node.ros.parameters
         assert node.configure("sonars") == {"clear_range": 4.0}
