@@ -119,7 +119,7 @@ class _Wheel:
         self._fastest = max(*map(abs, self._targets), before - self._acceleration_m_s2 * dt_s)
         self._fastest_m.append(self._fastest * dt_s)
         self._made_m.append(moved_m)
-        most_m = FAST_SHARE * sum(self._fastest_m) + self._least_m
+        most_m = FAST_SHARE * sum(self._fastest_m) + self._least_m * FAST_TICKS / WINDOW
         made_m = math.copysign(1.0, self._targets[-1]) * sum(self._made_m)
         if len(self._made_m) < FAST_TICKS or abs(made_m) <= most_m:
             return None

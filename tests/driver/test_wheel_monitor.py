@@ -315,8 +315,8 @@ def test_a_command_that_reverses_at_once_begins_a_new_window():
     assert watch.first(-SPEED_M_S, counts=1000)[0] == 26 + WINDOW_READINGS - 1
 
 
-@pytest.mark.parametrize(("extra_m", "followed"), [(0.00598, True), (0.00602, False)])
-def test_a_wheel_that_makes_half_as_much_again_and_6_mm_more_in_ten_readings_is_not_too_fast(
+@pytest.mark.parametrize(("extra_m", "followed"), [(0.01198, True), (0.01202, False)])
+def test_a_wheel_that_makes_half_as_much_again_and_12_mm_more_in_ten_readings_is_not_too_fast(
     extra_m, followed
 ):
     watch = started(latency_s=0.0)
