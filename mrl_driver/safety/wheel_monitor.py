@@ -117,6 +117,10 @@ class _Wheel:
         """Compare with the fastest command, and with what was faster at the start or before, on the slowest ramp."""
         before = abs(self._speeds[-1]) if self._fastest is None else self._fastest
         self._fastest = max(*map(abs, self._targets), before - self._acceleration_m_s2 * dt_s)
+        if not self._targets[-1]:  # a hand may push a robot that is to stand
+            self._fastest_m.clear()
+            self._made_m.clear()
+            return None
         self._fastest_m.append(self._fastest * dt_s)
         self._made_m.append(moved_m)
         most_m = FAST_SHARE * sum(self._fastest_m) + self._least_m * FAST_TICKS / WINDOW

@@ -324,6 +324,13 @@ def test_a_wheel_that_makes_half_as_much_again_and_12_mm_more_in_ten_readings_is
     assert [watch.read(SPEED_M_S, counts) is None for _ in range(FAST_TICKS)] == [True] * 9 + [followed]
 
 
+def test_a_wheel_that_a_hand_turns_while_it_is_to_stand_is_not_too_fast():
+    watch = started(latency_s=0.0)
+    assert [watch.read(0.0, round(STEP_M / MICROMETRE)) for _ in range(3 * FAST_TICKS)] == [
+        None
+    ] * 3 * FAST_TICKS
+
+
 @pytest.mark.parametrize("way", [1, -1])
 def test_a_wheel_that_brakes_half_as_fast_as_in_the_model_is_not_too_fast(way):
     """From 0.8 m/s, and from a first reading at this speed."""
