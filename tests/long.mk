@@ -36,8 +36,9 @@ $(eval $(call FUZZ_IMAGE,_virtual,-DMRL_BRIDGE=1 -DMRL_VIRTUAL=1))
 fuzz: fuzz-readers $(filter $(PC_BUILD)/fuzz%,$(FUZZERS)) ## The same, then damage frames and feed the decoders random bytes for MINUTES=n each; build/bench/reliability.json
 	$(PY) -m tests.long.fuzz --minutes $(MINUTES)
 	$(PY) -m tests.long.fuzz.greetings
+	$(PY) -c 'from tests.long.fuzz import test_firmware; test_firmware.seeds(test_firmware.BUILD / "seeds")'
 	for fuzzer in $(filter $(PC_BUILD)/fuzz%,$(FUZZERS)); do \
-	  $$fuzzer -artifact_prefix=$(PC_BUILD)/ $(if $(FAST),-runs=1000,-max_total_time=$$(( $(MINUTES) * 60 ))) -print_final_stats=1 || exit 1; done
+	  $$fuzzer $(PC_BUILD)/seeds -max_len=256 -artifact_prefix=$(PC_BUILD)/ $(if $(FAST),-runs=1000,-max_total_time=$$(( $(MINUTES) * 60 ))) -print_final_stats=1 || exit 1; done
 
 reactions: setup firmware ## Kill, unplug, stop and close repeatedly, then keep driving for MINUTES=n; build/bench/reliability.json
 	$(PY) -m tests.long.fuzz.reactions --minutes $(MINUTES)

@@ -21,7 +21,7 @@ def run(*command) -> "subprocess.CompletedProcess[bytes]":
 
 def seeds(folder: Path) -> Path:
     """The golden vectors, amid events of the world."""
-    folder.mkdir()
+    folder.mkdir(exist_ok=True)
     for number, vector in enumerate(load("requests")):
         (folder / str(number)).write_bytes(vector.wire + b"\xf4\xf0\xf4" + vector.wire + b"\xf1\xf5\xf2")
     return folder
