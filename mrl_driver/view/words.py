@@ -2,9 +2,10 @@
 
 from typing import TYPE_CHECKING, Dict, NamedTuple
 
-from mrl_driver.errors import BoardTimeout, HostBusy
+from mrl_driver.errors import BoardError, BoardTimeout, HostBusy, WheelFault
 from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol.stop_reason import StopReason
+from mrl_driver.safety.wheel_monitor import BOARD_STOPS
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -88,8 +89,12 @@ def stopped_by(driver: "Driver") -> str:
     return remedied_text(driver.stop_reason)
 
 
-def stop_error(driver: "Driver", what: str) -> BoardTimeout:
+def stop_error(driver: "Driver", what: str) -> BoardError:
     """Return the error for a drive that did not go on: `what` happened, why, and what to do."""
+    if driver.mismatch is not None:
+        fault = WheelFault(f"{what}: {driver.mismatch}")
+        fault.code = BOARD_STOPS.get(driver.mismatch.reason, fault.code)
+        return fault
     stop = STOPS[driver.stop_reason]
     kind = HostBusy if stop.code == HostBusy.code else BoardTimeout
     why = stop.why + (f"; {stop.remedy}" if stop.remedy else "")

@@ -4,6 +4,7 @@ The limits need no motors: readings are `DT_S` apart there, so that numbers are 
 """
 
 import math
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given, settings
@@ -29,6 +30,7 @@ from mrl_driver.safety.wheel_monitor import (
     monitor_of,
 )
 from mrl_driver.session.motion_command import QUICK, SLOW
+from mrl_driver.view.words import stop_error
 from sim_arduino.hardware.omni3md import Omni3MD
 from sim_arduino.hardware.robot_physics import RobotPhysics, params_for
 from tests.fake_board import FakeBoard
@@ -566,6 +568,7 @@ def test_a_stop_by_the_board_is_told_with_the_problem_and_its_remedy(reason, cod
     row, stop = PROBLEMS[code], Mismatch("", reason)
     assert str(stop) == f"{row.message[0].lower()}{row.message[1:]}: {row.remedy}"
     assert (stop.reason, stop.expected_m, stop.moved_m) == (reason, 0.0, 0.0)
+    assert stop_error(SimpleNamespace(mismatch=stop), "stopped early").code == code
 
 
 STEP_S = 0.01

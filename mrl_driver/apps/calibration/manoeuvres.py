@@ -9,7 +9,7 @@ from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 
 from mrl_driver.driver import Driver
-from mrl_driver.errors import BoardTimeout, ConfigError, WheelFault
+from mrl_driver.errors import BoardTimeout, ConfigError
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.line_follower import limit_to_stop
 from mrl_driver.protocol.table import BY_NAME
@@ -132,7 +132,7 @@ def follow(robot: Driver, steer: Callable[[Pose], Command], patience_s: float) -
             break
         refused_s = 0.0 if robot.drive(*command) else refused_s + TICK_S
         if robot.mismatch is not None:
-            raise WheelFault(f"stopped early: {robot.mismatch}; run mrl calibrate wiring")
+            raise stop_error(robot, "stopped early")
         if refused_s > HELD_UP_S or robot.link.statistics.restarts != restarts:
             error = stop_error(robot, "the robot accepted no command")
             robot.stop()

@@ -38,7 +38,7 @@ def config() -> None:
       mrl config set kp 800 ki 350 --robot lab3
       mrl config defaults --robot lab3
       mrl config save --robot lab3
-      mrl config dump lab3.yaml --robot lab3
+      mrl config dump board.yaml --robot lab3
     """
 
 
@@ -128,7 +128,7 @@ def dump(run: Run, file: Optional[str]) -> None:
 
     \b
     Examples:
-      mrl config dump lab3.yaml --robot lab3
+      mrl config dump board.yaml --robot lab3
       mrl config dump --port /dev/ttyACM0
     """
     from mrl_driver.driver import parameter_file
@@ -158,8 +158,8 @@ def load(run: Run, file: str, only_try: bool, other_robot: bool) -> None:
 
     \b
     Examples:
-      mrl config load lab3.yaml --robot lab3
-      mrl config load lab3.yaml --robot lab4 --other-robot --try
+      mrl config load board.yaml --robot lab3
+      mrl config load board.yaml --robot lab4 --other-robot --try
     """
     from mrl_driver.driver import parameter_file
 
@@ -190,7 +190,7 @@ def diff(run: Run, file: Optional[str]) -> None:
 
     \b
     Examples:
-      mrl config diff lab3.yaml --robot lab3
+      mrl config diff board.yaml --robot lab3
       mrl config diff --robot lab3               with the robot model
     """
     from mrl_driver.driver import parameter_file

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Optional
 
 import click
 
-from mrl_driver.errors import BoardTimeout, ConfigError, MrlError, WheelFault
+from mrl_driver.errors import BoardTimeout, ConfigError, MrlError
 from mrl_driver.session.events import MAY_MOVE
 from mrl_driver.view.shown_state import line, snapshot
 from mrl_driver.view.words import stop_error
@@ -113,7 +113,7 @@ def require_driving(driver: "Driver") -> None:
     if driver.command is not None:
         return
     if driver.mismatch is not None:
-        raise WheelFault(f"stopped early: {driver.mismatch}")
+        raise stop_error(driver, "stopped early")
     if driver.radio.hold is not None and driver.radio.hold.held:
         raise MrlError(f"stopped early: {driver.radio.hold}")
     if driver.may_be_moving:

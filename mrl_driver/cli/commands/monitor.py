@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Optional
 
 import click
 
-from mrl_driver.view.shown_state import line, snapshot
+from mrl_driver.view.shown_state import line, line_of, snapshot, state_of
 
 from . import shared
 from .progress import answered
@@ -127,4 +127,5 @@ def watch_live(run: Run, keys_drive: bool = False, sender: Optional["UdpSender"]
         _stream(driver, sender)
         with contextlib.suppress(KeyboardInterrupt):
             live_view.run(driver, live_view.Screen(driver, settings, log), run.seconds)
-    click.echo(line(driver))
+        shown = state_of(driver)
+    click.echo(line_of(shown._replace(pose=driver.pose, twist=driver.twist)))  # a closed link has no ranges
