@@ -7,9 +7,12 @@
 The marker takes what `testing.EmulatedBoard` takes.
 """
 
+import contextlib
 from typing import TYPE_CHECKING, Any, Callable, Iterator, List, cast
 
 import pytest
+
+from mrl_driver.errors import MrlError
 
 if TYPE_CHECKING:
     from mrl_driver.geometry import Pose
@@ -47,6 +50,15 @@ def _options(request: Any) -> Any:
     return dict(marker.kwargs) if marker else {}
 
 
+@contextlib.contextmanager
+def _told_in_one_line() -> Iterator[None]:
+    """A board that cannot be made fails the test with its message alone."""
+    try:
+        yield
+    except MrlError as error:
+        pytest.fail(error.line, pytrace=False)
+
+
 @pytest.fixture
 def emulated_world(request: Any) -> "World":
     """The world: the marker's `world`, or the packaged room; override it for another one."""
@@ -65,7 +77,8 @@ def _plugged_port(pytestconfig: Any) -> str:
         return ""
     from .plugged_board import require_bare
 
-    return require_bare(port)
+    with _told_in_one_line():
+        return require_bare(port)
 
 
 @pytest.fixture
@@ -104,7 +117,8 @@ def emulated_board(request: Any, _plugged_port: str) -> "EmulatedBoard":
 
         return cast("EmulatedBoard", PluggedBoard(_plugged_port, options))
     options.pop("world", None)
-    board: EmulatedBoard = request.getfixturevalue("make_emulated_board")(**options)
+    with _told_in_one_line():
+        board: EmulatedBoard = request.getfixturevalue("make_emulated_board")(**options)
     return board
 
 

@@ -60,9 +60,15 @@ def name_of(text):
 QUICK = {name_of(text): text for text in TESTS if "within_s" not in text}
 
 
+NOBODY = """import pytest
+@pytest.mark.emulated_board(robot="nobody")
+def test_nobody(emulated_board): pass
+"""
+
+
 @pytest.fixture(scope="module")
 def said(tmp_path_factory):
-    return run_pytest(tmp_path_factory.mktemp("readme"), QUICK)
+    return run_pytest(tmp_path_factory.mktemp("readme"), {**QUICK, "test_nobody": NOBODY})
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -70,14 +76,15 @@ def test_tests_of_the_readme_pass(said, name):
     assert re.search(rf"^PASSED {name}\.py::(\w+::)?{name}$", said, re.M), said
 
 
+def test_a_board_that_cannot_be_made_is_told_in_one_line(said):
+    assert "robot 'nobody' is unknown, expected duo" in said and "factory.py" not in said
+
+
 @pytest.mark.realtime
 @pytest.mark.parametrize("text", [text for text in TESTS if "within_s" in text], ids=name_of)
 def test_tests_of_the_readme_with_a_time_limit_pass(tmp_path, text):
     out = run_pytest(tmp_path, {"test_robot": text})
     assert "1 passed" in out, out
-
-
-ENGINES = {"test_avr": "", "test_python": ", engine='python'", "test_2013": ", profile='2013-august'"}
 
 
 def test_other_code_of_the_readme_runs(tmp_path):

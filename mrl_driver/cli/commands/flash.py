@@ -105,7 +105,7 @@ def only_board() -> str:
     boards = [each for each in there if each.arduino and not each.used_by]
     if len(boards) == 1:
         return boards[0].device
-    found = ", ".join(each.device for each in boards or there) or "none; is the board plugged in?"
+    found = ", ".join(each.device for each in boards or there) or "none (is the board plugged in?)"
     several = "several boards are plugged in" if boards else "no board made by Arduino is plugged in"
     raise ConfigError(f"{several}, expected --port PORT; existing ports: {found}")
 

@@ -204,7 +204,7 @@ def run_options(*options: Decorator) -> Decorator:
 def require_port(target: Target) -> str:
     """Return the target's port; raise ConfigError, which lists the existing ports, if none was given."""
     if not target.port:
-        found = ", ".join(_ports()) or "none; is the board plugged in?"
+        found = ", ".join(_ports()) or "none (is the board plugged in?)"
         raise ConfigError(
             f"--port is missing, expected a serial port or --robot with a named robot; existing ports: {found}"
         )
