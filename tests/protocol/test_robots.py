@@ -467,6 +467,13 @@ def test_what_no_robot_has_is_refused(field, value, words):
         kit.model_of(ROVER._replace(**{field: value}))
 
 
+@pytest.mark.parametrize("kind", kit.FOUR_WHEELS)
+def test_a_base_that_is_too_wide_in_turns_is_named_by_what_was_entered(kind):
+    wide = ROVER._replace(kind=kind, wheel_separation_mm=640, wheelbase_mm=120)
+    with pytest.raises(ConfigError, match="wheel separation with wheelbase or slip .mm. is"):
+        kit.model_of(wide)
+
+
 @pytest.mark.parametrize("text", ["", "0", "11x", "a x 4", "nan", "inf", "-4", "1000001"])
 def test_other_counts_are_refused(text):
     with pytest.raises(

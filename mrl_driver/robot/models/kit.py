@@ -221,7 +221,7 @@ def model_of(kit: Kit) -> RobotModel:
     for text, value, (low, high) in (
         ("wheel diameter [mm]", kit.wheel_diameter_mm, DIAMETER_MM),
         ("wheel separation [mm]", kit.wheel_separation_mm, SEPARATION_MM),
-        ("axle radius [mm]", kit.axis_radius_m * 1000, (SEPARATION_MM[0] / 2, SEPARATION_MM[1] / 2)),
+        ("wheel separation with wheelbase or slip [mm]", kit.axis_radius_m * 2000, SEPARATION_MM),
         ("counts of a wheel turn", kit.counts_per_turn, COUNTS),
     ):
         if not low <= value <= high:
