@@ -55,7 +55,7 @@ BODY = re.compile("(While|For|CXXForRange|Case|Default)Stmt")
 EFFECTS = ("CallExpr", "CXXMemberCallExpr", "CXXOperatorCallExpr", "CompoundAssignOperator")
 NAMED = ("FunctionDecl", "CXXMethodDecl", "CXXConstructorDecl", "CXXRecordDecl")
 NUMBER = re.compile("(unsigned |signed )?(int|short|char|long)$")
-OPTION = re.compile("!?MRL_[A-Z]+$")  # an option of the build, whose other branch need not exist
+OPTION = re.compile("!?MRL_[A-Z]+( && .*)?$")  # an option of the build, whose other branch need not exist
 
 
 class Mutant(NamedTuple):
