@@ -70,10 +70,6 @@ def test_answers_are_converted_to_units():
     assert handshake.board_of((2512, 172, 1230, 2, 4)) == handshake.Board(4, 2, 1.72, 12.30, 25.12)
 
 
-def test_capabilities_are_bits_from_the_lowest_on():
-    assert handshake.capabilities_of(CHECK | OMNI) == {"check", "omni"}
-
-
 @pytest.mark.parametrize(
     "lacking, unmeasured", [("no_battery", "battery_v"), ("no_temperature", "temperature_c")]
 )
@@ -124,10 +120,6 @@ def test_a_patient_greeting_always_asks_in_both_forms():
     assert Hello(patient=True).ask(2) == [WHO_TWICE] * 2
 
 
-def test_a_board_that_knows_the_first_question_is_asked_who_it_is():
-    assert Hello().hear(PLAIN, protocol()).ask() == [[5]]
-
-
 def test_one_that_then_stays_silent_is_asked_the_first_question_again():
     """Another board may be there now."""
     assert Hello(patient=True).hear(PLAIN, protocol()).ask(9)[-2:] == [[5, 5], WHO_TWICE]
@@ -146,17 +138,6 @@ def test_the_stop_has_the_form_of_the_board_as_soon_as_that_is_known(answer, for
     hello.on_frame(answer, 0.0, PLAIN)
     hello.tick(0.0, PLAIN)
     assert forms[0] == (STOP_CODE, form)
-
-
-def test_all_requests_to_a_board_of_2013_have_its_form():
-    sent = []
-    hello = handshake.Handshake(
-        handshake.Plan(), lambda code, *_, wrapped=None, **__: sent.append(wrapped), lambda board: None, 0.0
-    )
-    for _ in range(handshake.ALIKE):
-        hello.on_frame(INFO_2013, 0.0, PLAIN)
-    hello.tick(0.0, PLAIN)
-    assert sent == [True, True]  # end a stream, start one
 
 
 def test_after_other_bytes_the_boards_text_is_turned_off_in_plain():
@@ -230,22 +211,11 @@ def test_answers_that_differ_end_it_with_the_line_as_the_cause():
 # -- a board that falls silent
 
 
-def test_a_board_that_is_silent_for_two_seconds_is_asked_again_who_it_is():
-    hello = Hello().hear(CHECKED, INFO)
-    assert hello.ask(9, CHECKED) == [[READ_PROTOCOL]] * 8 + [WHO_TWICE]
-
-
 def test_a_board_that_stays_silent_for_two_more_seconds_ends_it():
     assert Hello().hear(CHECKED, INFO).ends_at(CHECKED) == (
         2 * TO_ASK_S,
         "the board (robot id 1) does not answer request 29 any more; reset it and try again",
     )
-
-
-def test_after_a_silence_as_many_answers_are_needed_as_before():
-    hello = Hello().hear(PLAIN, *[INFO_2013] * handshake.ALIKE)
-    hello.ask(9)
-    assert hello.hear(PLAIN, *[INFO_2013] * (handshake.ALIKE - 1)).board is None
 
 
 @pytest.mark.parametrize(
@@ -417,10 +387,6 @@ def test_a_checksum_that_is_on_already_stays():
     assert ((SET_CHECK, 1), CHECKED) in hello.sent
 
 
-def test_a_board_without_a_watchdog_gets_none():
-    assert Hello(handshake.Plan(check=False)).hear(CHECKED, INFO, protocol(0)).ask() == [[30]]
-
-
 def begun(stream, bits, plan=handshake.Plan(check=False)):  # noqa: B008
     """A greeting up to its status; a model that needs a stream says so once it knows the capabilities."""
     hello = Hello(plan, lambda board: stream if board.protocol == 2 else None)
@@ -455,12 +421,6 @@ def of_2013(stream, plan=handshake.Plan()):  # noqa: B008
 def test_a_board_of_2013_has_no_three_wheels():
     with pytest.raises(WrongRobot, match="three wheels"):
         of_2013("start_omni_stream")
-
-
-def test_other_streams_of_a_board_of_2013_end_before_that_of_its_sensors():
-    hello = of_2013(SENSOR_STREAM)
-    assert [words for words, _ in hello.sent] == [(19 + WRAP,), (24 + WRAP,), (28 + WRAP,)]
-    assert hello.ask() == [[SENSING + WRAP]]
 
 
 def test_a_board_of_2013_that_does_not_know_the_stream_of_sensors_gets_the_usual_one():

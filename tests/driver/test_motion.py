@@ -2,7 +2,6 @@ import math
 
 import pytest
 
-from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.session.motion_command import MOVE, QUICK, SLOW, SLOWEST, STILL_FRAMES, STILL_S, STOP, Motion
 
 
@@ -44,12 +43,6 @@ def settle(motion, start_s=0.0):
     """Reads that the wheels stand still until nothing is left to confirm."""
     motion.take(start_s)
     return stand(motion, *(start_s + frame * STILL_S for frame in range(STILL_FRAMES + 2)))
-
-
-def test_a_command_is_due_at_once_and_repeated():
-    motion = driven(speeds=(200, -300), sent=False)
-    sent = drain(motion, 0.0, 1.0)
-    assert sent[0] == (0.0, (MOVE, 200, -300)) and len(sent) == 10
 
 
 def test_the_latest_command_wins():
@@ -139,19 +132,6 @@ def test_a_gentle_stop_slows_down_evenly_and_ends_in_a_stop_on_time():
     assert (motion.take(1.0), motion.stop_reason) == ((STOP,), "battery")
 
 
-def test_a_new_command_ends_a_gentle_stop():
-    motion = fading()
-    motion.drive((100, 0), 0.5)
-    assert motion.take(0.5) == (MOVE, 100, 0)
-
-
-def test_a_second_fade_does_not_begin_again():
-    motion = fading()
-    assert motion.take(0.5) == (MOVE, 150, 0)
-    motion.fade(0.5, 1.0)
-    assert motion.take(0.75) == (MOVE, 75, 0)
-
-
 def test_a_robot_that_stands_has_nothing_to_fade():
     motion = Motion()
     motion.fade(0.0, 1.0)
@@ -185,24 +165,6 @@ def test_a_command_of_zero_brakes_until_the_wheels_stand_and_then_holds():
     assert motion.take(1.0) == (MOVE, 0, 0)
 
 
-def test_only_commands_that_were_in_force_count_as_stopped():
-    motion = Motion()
-    for stops in (1, 2):
-        motion.drive((200, 0), 0.0)
-        motion.stop()
-        motion.stop()
-        assert motion.stops == stops
-
-
-def test_a_command_of_zero_settles_after_motion_and_stays():
-    motion = driven()
-    assert not motion.settling
-    motion.drive((0, 0), 0.1)
-    assert motion.settling
-    assert not settle(motion, 0.1).settling
-    assert motion.take(1.0) == (MOVE, 0, 0)
-
-
 def test_a_command_of_zero_goes_on_with_what_a_stop_has_to_confirm():
     motion = stopping()
     motion.drive((0, 0), 0.1)
@@ -217,25 +179,10 @@ def test_a_command_ends_what_a_stop_has_confirmed_so_far():
     assert stand(motion, 0.11, 0.12, 0.13).stopping
 
 
-@pytest.mark.parametrize("speeds", [(100, 0), (200, 0)])
-def test_only_changed_speeds_are_sent_after_the_gap(speeds):
-    motion = driven()
-    motion.adjust(speeds)
-    assert drain(motion, 0.001, 0.05) == [(QUICK.gap_s, (MOVE, *speeds))] * (speeds != (200, 0))
-
-
 def test_changed_speeds_do_not_prolong_the_command():
     motion = driven(SLOW, timeout_s=0.05)
     motion.adjust((100, 0))
     assert motion.due_s == pytest.approx(0.05) and motion.take(0.05) == (STOP,)
-
-
-def test_a_gentle_stop_that_was_not_lowered_is_not_sent_at_once():
-    motion = driven(SLOW, speeds=(300, 0))
-    motion.fade(0.0, 1.0)
-    motion.take(0.1)
-    motion.adjust((400, 0))
-    assert motion.due_s == pytest.approx(0.2)
 
 
 def test_a_gentle_stop_is_measured_from_its_start():
@@ -327,11 +274,6 @@ def test_new_speeds_do_not_come_before_the_gap(set_speeds):
     assert motion.take(0.1) == (MOVE, 100, 0)
 
 
-def test_what_is_due_now_is_sent_now():
-    motion = driven()
-    assert motion.take(motion.due_s) == (MOVE, 200, 0)
-
-
 def test_other_bases_have_a_request_of_their_own():
     motion = driven(speeds=(100, 200, 300), sent=False)
     motion.request_of = lambda speeds: (43, *speeds)
@@ -414,9 +356,3 @@ def test_motion_is_wanted_after_a_stop_that_is_not_the_users(reason, wanted):
     assert motion.wanted == wanted
     motion.drive((200, 0), 1.0)
     assert motion.wanted
-
-
-def test_reasons_have_the_names_that_users_see():
-    sources = {"user", "not_a_number", "command_timeout", "held", "closed", "none"}
-    causes = {"battery", "wheel_mismatch", "no_telemetry", "restarted", "link_lost", "host_paused"}
-    assert {str(reason) for reason in StopReason} >= sources | causes

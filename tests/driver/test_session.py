@@ -4,7 +4,6 @@ import pytest
 
 from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.errors import BoardTimeout, HostBusy, WrongRobot
-from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
 from mrl_driver.session.handshake import Plan
 from mrl_driver.session.motion_command import SLOW
@@ -106,18 +105,6 @@ def test_a_board_without_an_answer_while_this_program_was_late_is_not_blamed(lat
         talk.run(10.0)
 
 
-@pytest.mark.parametrize("late_s, reason", [(0.0, "link_watchdog"), (0.2, "host_paused")])
-def test_a_stop_by_the_boards_watchdog_is_blamed_on_a_late_program(late_s, reason):
-    talk = Talk().until_ready()
-    talk.session.drive((300, 0), talk.now)
-    talk.run(0.1)
-    talk.now += late_s
-    talk.run(0.02)
-    talk.board.stop_reason = STOP_REASONS.index("link_watchdog")
-    talk.until(lambda: talk.session.motion.target is None)
-    assert talk.session.motion.stop_reason == reason
-
-
 @pytest.mark.parametrize("again", [False, True], ids=["", "noticed by the next command"])
 @pytest.mark.parametrize("late_s, reason", [(0.0, "no_telemetry"), (0.26, "host_paused")])
 def test_a_silence_beside_a_late_program_is_blamed_on_the_program(late_s, reason, again):
@@ -196,14 +183,6 @@ def test_a_board_that_ran_on_keeps_its_baseline_unless_another_answered_meanwhil
 # -- motion
 
 
-@pytest.mark.parametrize("watchdog_ms", [60, 250, 2000])
-def test_the_watchdog_is_fed_while_driving(watchdog_ms):
-    talk = Talk(plan=Plan(watchdog_ms=watchdog_ms)).until_ready()
-    talk.session.drive((200, 0), talk.now)
-    for _ in range(300):
-        assert talk.run(0.01).board.speeds == (200, 0)
-
-
 def test_the_check_mode_is_fed_while_idle():
     """It ends after 2 s without a valid frame."""
     talk = Talk().until_ready()
@@ -261,14 +240,6 @@ def test_a_board_whose_check_has_ended_is_greeted_anew():
     assert talk.seen(Ready)[0].restarted and talk.board.decoder.checked
 
 
-def test_a_dead_board_is_greeted_for_ever():
-    talk = Talk().until_ready().run(0.1)
-    talk.board.mute = True
-    talk.run(30)
-    talk.board.mute, talk.events = False, []
-    talk.until_ready()
-
-
 # -- who stops the robot, and what starts it again
 
 
@@ -316,11 +287,6 @@ def paused():
     talk.run(0.1)
     talk.now += 0.4
     return talk
-
-
-def test_a_command_that_waited_is_refused_even_if_it_is_the_first_to_go_on(paused):
-    assert not paused.session.drive((100, 0), paused.now)
-    assert paused.session.motion.target is None
 
 
 def test_a_command_that_waited_is_refused_if_the_port_is_read_first(paused):
