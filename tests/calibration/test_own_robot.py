@@ -193,15 +193,11 @@ def channels(row):
 
 
 def driven():
-    """The rows that drive: with a seed all of them, else one on the chip, and one of each bridge, if possible one with
-    fewer encoders.
-    """
+    """The rows that drive: with a seed all of them, else one on the chip, and one of each kind of encoder."""
     by_name = {row.name: row for row in rows() if row.verdict == "drives"}
-    bridges, found = set(), [(by_name[name], "avr") for name in (ON_THE_CHIP if EXPLORE else ON_THE_CHIP[:1])]
-    for row in sorted(by_name.values(), key=channels):
-        if EXPLORE or row.bridge not in bridges:
-            found.append((row, "python"))
-        bridges.add(row.bridge)
+    found = [(by_name[name], "avr") for name in (ON_THE_CHIP if EXPLORE else ON_THE_CHIP[:1])]
+    some = {channels(row): row for row in by_name.values()}
+    found += [(row, "python") for row in (by_name if EXPLORE else some).values()]
     return [pytest.param(row, engine, id=f"{row.name}-{engine}") for row, engine in found]
 
 
