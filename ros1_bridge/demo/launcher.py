@@ -179,7 +179,7 @@ def main(
         finally:
             run.stop()
     except MrlError as error:
-        click.echo(str(error), err=True)
+        click.echo(error.line, err=True)
         sys.exit(error.exit_code)
     except OSError as error:
         reason = f"{error.filename} cannot be written: {error.strerror}"

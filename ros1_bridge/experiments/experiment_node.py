@@ -41,7 +41,7 @@ def main(arguments: Sequence[str]) -> int:
                 rospy.signal_shutdown("the experiment is over")
             experiment_report.save(result, str(parts.folder))
     except MrlError as error:
-        sys.stderr.write(f"{error}\n")
+        sys.stderr.write(f"{error.line}\n")
         return error.exit_code
     return 0
 

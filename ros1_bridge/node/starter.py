@@ -21,7 +21,7 @@ def start(module: str, venv: bool = False) -> None:
     try:
         sys.exit(program.start(name, module))
     except MrlError as error:
-        sys.stderr.write(f"{name}: {error}\n")
+        sys.stderr.write(f"{name}: {error.line}\n")
         sys.exit(error.exit_code)
 
 

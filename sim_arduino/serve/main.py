@@ -56,7 +56,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> None:
                 stack.callback(robot.close)
             _serve(stack, robots, port)
     except MrlError as error:
-        _print_message(str(error))
+        _print_message(error.line)
         sys.exit(error.exit_code)
     except OSError as error:
         _print_message(f"{error}; the last lines of the log are lost")

@@ -165,7 +165,7 @@ def test_real_robot_is_driven_by_keys_alone_and_q_gives_back_the_terminal(start,
 @pytest.mark.parametrize(
     "options, code, words",
     [
-        (("--port", "/dev/not_there"), 3, "does not exist"),
+        (("--port", "/dev/not_there"), 3, "[port_missing]"),
         (
             ("--logs", "/dev/null/logs"),
             2,

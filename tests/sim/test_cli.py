@@ -172,6 +172,11 @@ def test_a_base_that_the_driver_refuses_is_not_served(tmp_path):
     assert code == 2 and "wiring is empty, expected the pins of four motors on a Mega" in error
 
 
+def test_an_error_with_a_code_shows_it():
+    code, error = fail("--engine", "avr", "--elf", "/dev/null")
+    assert code == 13 and error.endswith("[simulator_error]\n")
+
+
 def test_a_full_disk_under_the_log_does_not_stop_the_board():
     with Simulator("--log", "/dev/full", "--truth", "/dev/full") as simulator, Client(
         simulator.path
