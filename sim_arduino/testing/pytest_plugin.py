@@ -56,7 +56,7 @@ def _told_in_one_line() -> Iterator[None]:
     try:
         yield
     except MrlError as error:
-        pytest.fail(error.line, pytrace=False)
+        raise pytest.fail.Exception(error.line, pytrace=False) from None
 
 
 @pytest.fixture
