@@ -215,8 +215,8 @@ wheel_dead: SIDE did not count
 encoder_dead: An encoder was silent or counted the other direction
   also: stopped: an encoder was silent or counted the other direction
   also: The SIDE encoder was dead
-  cause: A wire of the encoder is loose, or the wiring in the board is not that of the robot.
-  remedy: check the encoder's wires, then run: mrl calibrate wiring --port PORT
+  cause: A wire of the encoder is loose, the wheel was held from the start, or the board's wiring is not the robot's.
+  remedy: check the encoder's wires and that the wheel turns freely, then run: mrl calibrate wiring --port PORT
 wheel_reversed: SIDE counted against its command
   also: counts backwards
   cause: The wires of the motor or of its encoder are exchanged.
