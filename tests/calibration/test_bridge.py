@@ -28,10 +28,10 @@ SIDES = ("left", "right")
 PLACES = {"left": "D18 and A8", "right": "D19"}
 
 
-def trial_of(hidden, output, counts=SEEN_COUNTS):
+def trial_of(hidden, output):
     """What is seen of a kit with this wiring when one output is driven forward."""
     wheels = turned_by(hidden, (1.0, 0.0) if output == "left" else (0.0, 1.0))
-    left, right = (round(counts * each) for each in counted(hidden, wheels))
+    left, right = (round(SEEN_COUNTS * each) for each in counted(hidden, wheels))
     turned = SIDES[0] if wheels[0] else SIDES[1]
     return Trial(output, {"left": left, "right": right}, turned, 1 if max(wheels) > 0 else -1)
 

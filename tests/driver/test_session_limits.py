@@ -348,7 +348,7 @@ def test_a_stop_that_the_board_was_asked_for_is_not_one_of_its_own():
     assert fed.motion.stop_reason == "user"
 
 
-def refused_at(now, before_s=0.0, answers_after_s=None):
+def refused_at(now, answers_after_s=None):
     """Whether a command of time 0 counts as refused by a stop that the board tells of at `now`."""
     fed = Fed()
     fed.at(0.0, fed.status("stall"))

@@ -398,9 +398,9 @@ def point_saw(zones, room_m, now=0.0):
     return zones
 
 
-def saw_around(zones, room_m, now=0.0):
+def saw_around(zones, room_m):
     """A laser sees a round wall."""
-    zones.on_scan(Scan([room_m] * TURN_DEG, 0.0, math.radians(1), 0.02, ORIGIN), now)
+    zones.on_scan(Scan([room_m] * TURN_DEG, 0.0, math.radians(1), 0.02, ORIGIN), 0.0)
     return zones
 
 

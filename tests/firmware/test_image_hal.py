@@ -32,16 +32,16 @@ def rig() -> Iterator[Rig]:
     made.close()
 
 
-def run_while(machine: AvrMachine, condition: Callable[[], object], longest_s: float = 0.5) -> int:
+def run_while(machine: AvrMachine, condition: Callable[[], object]) -> int:
     """Runs instruction by instruction while it holds; the cycle.
 
     Raises:
         TimeoutError: it holds for longer.
     """
-    last = machine.cycle + longest_s * UNO_HZ
+    last = machine.cycle + 0.5 * UNO_HZ
     while condition():
         if machine.cycle > last:
-            raise TimeoutError(f"nothing has changed for {longest_s} s of simulated time")
+            raise TimeoutError("nothing has changed for 0.5 s of simulated time")
         machine.run_until(max(machine.next_event_cycle, machine.cycle + 1))
     return machine.cycle
 

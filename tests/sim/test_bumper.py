@@ -28,9 +28,9 @@ def straight(start, way_m):
     return lambda share: Pose(start.x_m + share * way_m, start.y_m, start.yaw_rad)
 
 
-def share_of(way_m, start=START, walls=(AHEAD,), footprint=ROUND, dt=0.0):
-    bumper = Bumper(World(list(walls)), footprint, "robot")
-    return bumper.share(start, abs(way_m), straight(start, way_m), dt)
+def share_of(way_m, start=START, walls=(AHEAD,)):
+    bumper = Bumper(World(list(walls)), ROUND, "robot")
+    return bumper.share(start, abs(way_m), straight(start, way_m), 0.0)
 
 
 @pytest.mark.parametrize(

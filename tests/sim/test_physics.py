@@ -38,10 +38,10 @@ def pose_of(robot):
     return robot.state.x_m, robot.state.y_m, robot.state.yaw_rad
 
 
-def motions_of(robot, longest_step_s=1.0):
+def motions_of(robot):
     """A list that gets all motions of the robot: duration, forward, aside, turn."""
     seen = []
-    robot.report_motion(lambda *motion: seen.append(motion), longest_step_s)
+    robot.report_motion(lambda *motion: seen.append(motion), 1.0)
     return seen
 
 

@@ -9,13 +9,13 @@ from sim_arduino.hardware.servo import LIMP_S, SPEED_RAD_S, Servo
 PERIOD_S = 0.02
 
 
-def after_pulses(servo, length_us, seconds, start_s=0.0):
+def after_pulses(servo, length_us, seconds):
     """Gives pulses, and returns the time behind the last one [s]."""
     for number in range(round(seconds / PERIOD_S)):
-        rise_s = start_s + number * PERIOD_S
+        rise_s = number * PERIOD_S
         servo.changed(1, rise_s)
         servo.changed(0, rise_s + length_us * 1e-6)
-    return start_s + seconds
+    return seconds
 
 
 @pytest.mark.parametrize(("length_us", "angle_deg"), [(1500, 0), (1000, -45), (2500, 90)])
