@@ -40,12 +40,6 @@ def test_a_stop_goes_first():
     assert Talk().run(0.01).sent[0][1].startswith(b"@65549e")
 
 
-def test_our_board_gets_its_stop_as_soon_as_it_is_known():
-    talk = Talk()
-    talk.until(lambda: talk.board.stops)
-    assert codes(talk)[:2] == [READ_PROTOCOL, 13]
-
-
 def test_our_board_gets_check_watchdog_and_period():
     talk = Talk(plan=Plan(watchdog_ms=300, period_ms=40)).until_ready()
     assert talk.board.decoder.checked and talk.session.checked
@@ -292,9 +286,3 @@ def paused():
 def test_a_command_that_waited_is_refused_if_the_port_is_read_first(paused):
     paused.step()
     assert not paused.session.drive((100, 0), paused.now)
-
-
-@pytest.mark.parametrize("speeds, moves, taken", [((0, 0), None, True), ((0, 0), True, False)])
-def test_of_those_that_waited_only_a_standstill_is_taken(paused, speeds, moves, taken):
-    """A gentle start begins with speeds of zero, and moves."""
-    assert paused.session.drive(speeds, paused.now, moves) is taken

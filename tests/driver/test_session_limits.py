@@ -364,32 +364,12 @@ def refused_at(now, answers_after_s=None):
     return fed.motion.target is None
 
 
-@pytest.mark.parametrize("now, refused", [(REFUSED_S - 0.001, False), (REFUSED_S, True)])
-def test_a_command_in_force_for_long_enough_is_refused(now, refused):
-    assert refused_at(now) is refused
-
-
 @pytest.mark.parametrize(
     "answer_s, now, refused",
     [(0.2, 0.39, False), (0.2, 0.41, True), (0.24, 0.47, False), (0.24, 0.49, True)],
 )
 def test_long_enough_is_two_round_trips_on_a_slow_line(answer_s, now, refused):
     assert refused_at(now, answers_after_s=answer_s) is refused
-
-
-def test_long_enough_is_at_most_half_a_second():
-    fed = Fed()
-    fed.at(0.0, fed.status("stall"))
-    fed.session.identify()
-    fed.at(0.0)
-    for i in range(1, 21):
-        fed.at(i * 0.02, fed.frame(i * 0.02) + (fed.say(5, 2500, 172, 1200, 2, 1) if i == 20 else b""))
-    assert fed.session.round_trip_s(0.4) == pytest.approx(0.4)
-    fed.drive(0.4)
-    for i in range(21, 47):
-        fed.at(i * 0.02, fed.frame(i * 0.02))
-    fed.at(0.92, fed.status("stall"))
-    assert fed.motion.target is None
 
 
 @pytest.mark.parametrize("now, stops", [(REFUSED_S - 0.001, 0), (REFUSED_S, 1)])
@@ -546,15 +526,6 @@ def test_plain_frames_count_only_in_a_row():
     fed.at(0.03, plain + plain)
     assert fed.session.checked and fed.session.ready
     assert fed.session.counters.garbage == {"bad_check": 4}
-
-
-def test_two_plain_frames_at_the_start_are_not_believed_and_three_are():
-    fed, plain = Fed(), encode_reply(8, 1, 2, 120, 45, 645)
-    fed.drive(0.0)
-    fed.at(0.01, plain + plain)
-    assert fed.session.checked
-    fed.at(0.02, plain)
-    assert not fed.session.checked and fed.motion.stop_reason == "restarted"
 
 
 def test_one_frame_with_a_checksum_is_believed():
