@@ -25,7 +25,16 @@ from tests.long.mutants import Draw, Results
 
 FIRMWARE, WORK = ROOT / "firmware/mrl_firmware", ROOT / "build/mutants/firmware"
 BUILDS = either(
-    {"": "", "_environment": "-DMRL_ENVIRONMENT=1", "_xbee": "-DMRL_XBEE=1", "_hbridge": "-DMRL_BRIDGE=1"},
+    {
+        **{
+            "": "",
+            "_environment": "-DMRL_ENVIRONMENT=1",
+            "_xbee": "-DMRL_XBEE=1",
+            "_hbridge": "-DMRL_BRIDGE=1",
+        },
+        "_hbridge_mega": "-DMRL_BRIDGE=1 -DMRL_MEGA=1",
+        "_virtual": "-DMRL_BRIDGE=1 -DMRL_VIRTUAL=1",
+    },
     {"_xbee": "-DMRL_XBEE=1"},
 )
 """What is behind the name of the library, and its define."""
