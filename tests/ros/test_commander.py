@@ -298,12 +298,6 @@ def test_the_next_command_moves_the_robot_unless_something_must_be_ended_before(
     assert commander.ready == (CAUSES[place][0] == "link_watchdog")
 
 
-@pytest.mark.parametrize(("state", "named"), [("off", True), ("empty", True), ("low", False), ("ok", False)])
-def test_a_battery_stops_the_robot_when_it_is_empty_or_off(commander, driver, state, named):
-    driver.battery_state = state
-    assert (commander.stopped_by == StopReason.BATTERY) == named
-
-
 @pytest.mark.parametrize(
     ("state", "holders", "held"), [("listening", 1, True), ("silent", 1, True), ("free", 0, False)]
 )

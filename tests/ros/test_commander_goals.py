@@ -159,12 +159,6 @@ def test_node_drives_to_a_new_pose_at_once_after_a_stop_whatever_a_planner_goes_
     assert bench.commander.seeking and bench.driver.command == (0.1, 0.0)
 
 
-@pytest.mark.parametrize("speed_m_s", [0.1, 0.0])
-def test_command_of_a_hand_ends_the_drive_to_a_pose(bench, speed_m_s):
-    bench.commander.seeking = True
-    assert bench.plan(FRAME_S, HAND, speed_m_s) == {True} and not bench.commander.seeking
-
-
 @pytest.mark.parametrize(
     "call", [Commander.release, lambda commander: commander.enable(True)], ids=["release", "enable"]
 )

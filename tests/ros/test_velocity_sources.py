@@ -35,16 +35,6 @@ def test_source_that_goes_on_after_a_stop_moves_nothing_however_long_it_goes_on(
     assert bench.sends(100.0, PLANNER, HAND) == {(PLANNER, False), (HAND, True)}
 
 
-@pytest.mark.parametrize("pause_s, moves", [(PAUSE_S - 2 * STEP_S, False), (PAUSE_S, True)])
-def test_source_moves_the_robot_again_after_its_pause(bench, pause_s, moves):
-    bench.sources.distrust()
-    bench.sends(1.0, PLANNER)
-    bench.sources.distrust()
-    bench.sends(1.0, PLANNER)
-    bench.now_s += pause_s
-    assert bench.sends(1.0, PLANNER) == {(PLANNER, moves)}
-
-
 def test_pause_before_the_stop_was_released_counts(bench):
     bench.sends(1.0, HAND)
     bench.now_s += 10.0

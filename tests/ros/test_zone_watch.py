@@ -46,13 +46,6 @@ def test_way_and_ranges_come_from_the_telemetry():
     assert made.zones.limit(0.1, 10.4) == 0
 
 
-def test_a_gap_in_the_stream_makes_no_way():
-    made = watch()
-    made.on_telemetry(frame(10.0, 0.5, 0.6), standing=True)
-    made.on_telemetry(frame(10.9, 0.5), standing=True)
-    assert made.zones.limit(0.1, 10.9) > 0
-
-
 def test_a_board_without_sonars_or_whose_build_nobody_named_needs_a_laser():
     """Voltages of gas sensors would look like ranges, and the zones would be clear in front of a wall."""
     without = MODEL._replace(sonars={})
@@ -96,16 +89,6 @@ def test_zones_stop_if_scans_arrive_that_are_not_of_now(stamp_of):
         if made.zones.limit(0.3, now) == 0:
             stands_s.append(now)
     assert 1.9 + STALE_S < stands_s[0] < 2.2 + STALE_S and len(stands_s) == 50 - round(10 * stands_s[0])
-
-
-def test_scan_counts_from_its_measurement_not_from_its_arrival():
-    made = watch(zones="scan")
-    assert made.on_scan(scan_of(CLOCK_S), MOUNT, CLOCK_S + 0.4, 10.4) == ""
-    broken = scan_of(CLOCK_S + 0.1)
-    broken.angle_increment = math.nan
-    assert "expected finite numbers" in made.on_scan(broken, MOUNT, CLOCK_S + 0.4, 10.4)
-    assert made.zones.limit(0.3, 9.99 + STALE_S) == 0.3
-    assert made.zones.limit(0.3, 10.01 + STALE_S) == 0.0
 
 
 @pytest.mark.parametrize(("command", "speeds"), [(Twist(0.2, 0.1), (0.2, 0.1)), (None, (0.0, 0.0))])

@@ -60,15 +60,6 @@ def test_there_and_back_leaves_no_count(ways, phase):
     assert abs(counted) <= 1
 
 
-def test_a_phase_error_moves_the_edges_of_channel_b():
-    """By 20 % of a count; those of A stay."""
-    exact, late = (
-        Quadrature(phase_error=phase).follow(0.0, 0.1, [steady(1000.0, 0.1)]) for phase in (0.0, 0.2)
-    )
-    moved = [(other.pin, other.time_s - one.time_s) for one, other in zip(exact, late)]
-    assert {(channel, round(by_s * 1e6)) for channel, by_s in moved} == {(A, 0), (B, 200)}
-
-
 def test_a_single_channel_has_an_edge_a_count_and_the_other_wire_is_pulled_up():
     encoder = Quadrature(single=True)
     edges = encoder.follow(0.0, 0.1, [steady(1000.0, 0.1)])
@@ -100,25 +91,6 @@ def test_an_open_wire_oscillates_at_its_rate_even_at_rest():
         [50e-6 * (n + 1) for n in range(199)], abs=EXACT_S
     )
     assert [edge.level for edge in edges[:4]] == [1, 0, 1, 0]
-
-
-def test_wires_swapped_on_the_way_jump_to_the_other_channel():
-    encoder = Quadrature()
-    encoder.follow(0.0, 0.001, [steady(1000.0, 0.001)])  # A is high, B low
-    encoder.swapped = True
-    assert encoder.follow(1.0, 2.0, []) == [(1.0, A, 0), (1.0, B, 1)]
-
-
-def test_bounces_follow_each_edge():
-    """Two short pulses add four edges 20 us apart, and the count stays right."""
-    encoder = Quadrature()
-    encoder.bounce = Bounce(2, 20e-6)
-    edges = encoder.follow(0.0, 0.1, [steady(1000.0, 0.1)])
-    assert len(edges) == 5 * 100
-    assert [edge.time_s for edge in edges[:5]] == pytest.approx(
-        [0.0005 + 20e-6 * n for n in range(5)], abs=EXACT_S
-    )
-    assert count((0, 0), edges)[0] == 100
 
 
 def test_bounces_go_on_in_the_next_step():
