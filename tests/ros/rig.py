@@ -223,11 +223,16 @@ class Rig:
     def drive_until(
         self, condition: Callable[[], Any], linear_m_s: float = 0.2, lateral_m_s: float = 0.0
     ) -> None:
-        """Publish a command every 40 ms until something is so."""
-        self._cmd_vel = self._cmd_vel or self.publisher("cmd_vel", Twist)
+        """Publish a command every 40 ms until something is so.
+
+        Each 5 s a second is left out: if the board has stopped, because a busy computer held up the node for 0.25 s, a
+        source must pause.
+        """
+        self._cmd_vel, begin_s = self._cmd_vel or self.publisher("cmd_vel", Twist), time.monotonic()
 
         def holds() -> Any:
-            self._cmd_vel.publish(Twist(Vector3(linear_m_s, lateral_m_s, 0.0), Vector3()))
+            if (time.monotonic() - begin_s) % 6.0 < 5.0:
+                self._cmd_vel.publish(Twist(Vector3(linear_m_s, lateral_m_s, 0.0), Vector3()))
             return condition()
 
         wait_until(holds, step_s=0.04)

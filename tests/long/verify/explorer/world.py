@@ -197,6 +197,13 @@ class Line:
         self.planner_drives = False  # A planner sends a command with each step
 
 
+class _Driver(Driver):
+    """A driver on the explorer's thread: it ends with its board, and has nothing to close."""
+
+    def __del__(self) -> None:
+        """Stop no robot."""
+
+
 class World:
     """A robot: board, line, driver and commander."""
 
@@ -210,7 +217,7 @@ class World:
         module.time, module.now_s = clock, clock.monotonic
         kind._program = lambda handshake: Steps(handshake, PROGRAM)
         options = Options(command_timeout_s=timeout_s, period_ms=period_ms, reconnect=True)
-        self.driver = driver = Driver(PORT, "traxbot", options=options)
+        self.driver = driver = _Driver(PORT, "traxbot", options=options)
         mine: Any = driver._connection
         mine.clock, mine.lock, mine.changed = clock.monotonic, lock, lock
         self.ports = Ports()
