@@ -225,8 +225,7 @@ class Rig:
     ) -> None:
         """Publish a command every 40 ms until something is so.
 
-        Each 5 s a second is left out: if the board has stopped, because a busy computer held up the node for 0.25 s, a
-        source must pause.
+        Each 5 s a second is left out: if a busy computer has held up telemetry for a second, a source must pause.
         """
         self._cmd_vel, begin_s = self._cmd_vel or self.publisher("cmd_vel", Twist), time.monotonic()
 

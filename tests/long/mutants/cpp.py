@@ -26,12 +26,10 @@ from tests.long.mutants import Draw, Results
 FIRMWARE, WORK = ROOT / "firmware/mrl_firmware", ROOT / "build/mutants/firmware"
 BUILDS = either(
     {
-        **{
-            "": "",
-            "_environment": "-DMRL_ENVIRONMENT=1",
-            "_xbee": "-DMRL_XBEE=1",
-            "_hbridge": "-DMRL_BRIDGE=1",
-        },
+        "": "",
+        "_environment": "-DMRL_ENVIRONMENT=1",
+        "_xbee": "-DMRL_XBEE=1",
+        "_hbridge": "-DMRL_BRIDGE=1",
         "_hbridge_mega": "-DMRL_BRIDGE=1 -DMRL_MEGA=1",
         "_virtual": "-DMRL_BRIDGE=1 -DMRL_VIRTUAL=1",
     },
