@@ -77,7 +77,9 @@ def test_tests_of_the_readme_pass(said, name):
 
 
 def test_a_board_that_cannot_be_made_is_told_in_one_line(said):
-    assert said.count("robot 'nobody' is unknown, expected duo") == 1 and "factory.py" not in said
+    told, _, summary = said.partition("short test summary info")  # repeats the message, cut at a terminal's width
+    assert told.count("robot 'nobody' is unknown, expected duo") == 1 and "ERROR test_nobody.py" in summary
+    assert "factory.py" not in said
 
 
 @pytest.mark.realtime
