@@ -77,7 +77,7 @@ def test_tests_of_the_readme_pass(said, name):
 
 
 def test_a_board_that_cannot_be_made_is_told_in_one_line(said):
-    told, _, summary = said.partition("short test summary info")  # repeats the message, cut at a terminal's width
+    told, _, summary = said.partition("short test summary info")  # which repeats the message
     assert told.count("robot 'nobody' is unknown, expected duo") == 1 and "ERROR test_nobody.py" in summary
     assert "factory.py" not in said
 
