@@ -372,7 +372,7 @@ class Session:
         if self._greeting is not None:
             return min(self._greeting.due_s, motion.due_s) if motion.stopping else self._greeting.due_s
         due_s = self.heard_s + STALE_S
-        if motion.target is not None:
+        if motion.target is not None or self.turning:
             due_s = min(due_s, self._attended_s + ATTENTION_S)
         late = now - self.heard_s >= LATE_S
         if motion.stopping or (motion.target is not None and not late):
@@ -380,14 +380,15 @@ class Session:
         return due_s if late else min(due_s, self._poll.due_s)
 
     def _resume(self, now: float) -> None:
-        """This program was late; after a pause, stop the robot if a command was in force."""
+        """This program was late; after a pause, stop the robot if a command was in force or a request turned motors."""
         late_s = now - self._attended_s
         if late_s > self._pause_s:
             self.resumed_s = now
         self._late_greeting |= self._last is None and late_s > LATE_GREETING_S
-        if self.motion.target is not None:
+        if self.motion.target is not None or self.turning:
             self._busy_s = now
             if late_s > PAUSE_S:
+                self._requested_s = math.inf
                 self.motion.stop(StopReason.HOST_PAUSED)
 
     def _excused(self, error: BoardTimeout) -> BoardTimeout:
@@ -624,6 +625,8 @@ class Session:
 
     def _greet_again(self, now: float, reason: StopReason) -> None:
         """The board restarted or fell silent: drop the command and greet the board from the start."""
+        if self.turning:
+            self.motion.stop(reason)
         self.motion.forget(reason)
         self._poll.end()
         self._requested_s = math.inf

@@ -6,19 +6,21 @@ import math
 import os
 import pathlib
 import sys
+from unittest import mock
 
 import click
 import numpy as np
 import pytest
 import yaml
 
-from mrl_driver.apps.calibration import gain_procedures, ground_truth, manoeuvres
+from mrl_driver.apps.calibration import gain_procedures, geometry_procedures, ground_truth, manoeuvres
 from mrl_driver.apps.calibration.commands import calibrate_job
 from mrl_driver.apps.calibration.gains import Gains
 from mrl_driver.apps.calibration.ground_truth import Truth
 from mrl_driver.cli import main
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol import encode_reply
 from mrl_driver.robot import models
@@ -159,8 +161,24 @@ def test_an_interrupted_calibration_goes_on_where_it_was(lab, monkeypatch, inter
     assert code == main.INTERRUPTED and any("1 of 2 runs are kept in" in line for line in lines)
     assert "runs of turn with turns 1, count 2" in lab.refused("turn", "--count", 4, "--turns", 1, *turn[5:])
     code, _, lines = lab.mrl(*turn)
-    assert code == 0 and lines[0].startswith("1 of 2 runs are already in") and len(calls) == 3
+    assert code == 0 and lines[1].startswith("1 of 2 runs are already in") and len(calls) == 3
     assert models.load("traxbot-1.yaml").drive.turn_slip == pytest.approx(0.1, abs=2e-3)
+
+
+UNMEASURED = "distances by the wheels, which nobody measured: run mrl calibrate straight first"
+
+
+def test_a_turn_waits_for_the_result_of_a_straight_and_says_that_there_was_none(lab, monkeypatch):
+    turn = ("turn", "--count", 2, "--turns", 1, "--truth", "t", "--yes")
+    assert any(UNMEASURED in line for line in lab.mrl(*turn, "--output", "other.yaml")[2])
+    straight = ("straight", "--count", 2, "--distance", 0.5, *turn[5:])
+    with monkeypatch.context() as patch:
+        patch.setattr(geometry_procedures, "evaluate", mock.Mock(side_effect=ConfigError("an outlier")))
+        lab.refused(*straight)
+    assert "holds runs of straight without a result" in lab.refused(*turn)
+    assert lab.mrl(*straight)[0] == 0
+    code, _, lines = lab.mrl(*turn, "--robot", "traxbot-1.yaml")
+    assert code == 0 and not any(UNMEASURED in line for line in lines)
 
 
 def test_counts_that_jump_spoil_the_run(lab, tmp_path):
@@ -338,7 +356,7 @@ def test_an_interrupted_sonar_goes_on_where_it_was(lab, monkeypatch, tmp_path):
     assert "mrl: 3 distances are kept in traxbot-1.sonar.csv; repeat the command to continue" in lines
     lab.options = {"pose": "0.85,0,0", "footprint": "box"}
     code, _, lines = lab.mrl(*SONAR, "--yes")
-    assert code == 0 and lines[0].startswith("3 of 9 distances are already in traxbot-1.sonar.csv")
+    assert code == 0 and lines[1].startswith("3 of 9 distances are already in traxbot-1.sonar.csv")
     board, distances_m = models.load("traxbot-1.yaml").board, np.arange(0.3, 1.51, 0.1)
     found = Curve(*(board[name] / 1e4 for name in models.CURVE_KEYS))
     assert found.range_m(THESIS.counts(distances_m)) == pytest.approx(distances_m, abs=SONAR_M)

@@ -4,7 +4,7 @@ import pytest
 
 from mrl_driver.apps.calibration import manoeuvres
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import BoardTimeout
+from mrl_driver.errors import BoardTimeout, HostBusy
 from sim_arduino.serve import factory
 
 SILENT_S, STOPPED_S = 1.0, 0.6
@@ -44,8 +44,28 @@ def test_a_silence_or_a_restart_ends_a_course_and_the_robot_stands(driven, fault
 
 def test_motors_are_not_turned_on_without_telemetry(driven):
     plant, robot = driven(SILENCE, world="square")
-    with pytest.raises(BoardTimeout, match="telemetry ended"):
+    with pytest.raises(
+        BoardTimeout, match="the motors did not turn on: no data arrived from the robot"
+    ) as ended:
         manoeuvres.spin_motors(robot, manoeuvres.MOVE_PID, (-40, 40), 5.0)
+    assert ended.value.code == "no_telemetry"
     assert robot.now_s < SILENT_S + STOPPED_S
     robot.wait(0.5)
     assert all(motor.at_rest for motor in plant.robot.motors)
+
+
+def test_motors_that_stood_while_the_computer_was_busy_are_not_measured(driven, monkeypatch):
+    """The board's watchdog stopped them, and the step would go on in its middle."""
+    _, robot = driven(SILENCE, world="square")
+    wait, waits = robot.wait, []
+
+    def pause_in_the_third(seconds):
+        waits.append(seconds)
+        wait(seconds)
+        if len(waits) == 3:
+            robot.pause(0.4)
+
+    monkeypatch.setattr(robot, "wait", pause_in_the_third)
+    with pytest.raises(HostBusy, match="the computer that drives the robot was too busy"):
+        manoeuvres.spin_motors(robot, manoeuvres.MOVE_PID, (-40, 40), 1.0)
+    assert len(waits) == 3

@@ -51,6 +51,15 @@ class Progress:
             )
         return [from_json(each) for each in found["runs"]] if found is not None else []
 
+    def require_result(self, procedure: str) -> None:
+        """Raise ConfigError if this other procedure has runs, and ended without a result."""
+        found = self._data["procedures"].get(procedure)
+        if found is not None and not found.get("done"):
+            raise ConfigError(
+                f"{self.path} holds runs of {procedure} without a result, expected its result first: repeat "
+                f"mrl calibrate {procedure}"
+            )
+
     def other_runs(self) -> List[Trial]:
         """The runs of all other procedures, evaluated or not."""
         others = (found for name, found in self._data["procedures"].items() if name != self._procedure)

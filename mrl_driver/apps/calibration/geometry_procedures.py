@@ -22,7 +22,7 @@ from mrl_driver.robot.models import MecanumDrive, RobotModel
 
 from . import fit, from_recording, manoeuvres
 from .calibration_files import Key, Progress
-from .commands.calibrate_job import RUNS, TURNS, Job, Result, job_options, value_option
+from .commands.calibrate_job import RUNS, TURNS, Job, Result, job_options, value_option, warn_of_distances
 from .fit import AXLE, CROSS, OFFSET, RADIUS, REAR, SCALE, SIDE, SLIP, Geometry, Measured
 from .ground_truth import NOT_MEASURED, Ruler, parse_pose, ruler_for, tell
 from .manoeuvres import Speeds, Track, steps_of
@@ -229,6 +229,8 @@ def _geometry(plan: CalibrationPlan, job: Job) -> None:
     if plan.recorded:
         model, output = job.recorded_robot()
         recorded = [_recorded(plan.procedure, text, model) for text in plan.recorded]
+        if plan.procedure != STRAIGHT:
+            warn_of_distances(model)
         job.finish(plan.evaluate(recorded, model, output))
         return
     ruler = ruler_for(job.truth)
@@ -236,6 +238,9 @@ def _geometry(plan: CalibrationPlan, job: Job) -> None:
         geometry(model, plan.procedure)
         path = f"{os.path.splitext(output)[0]}.calibration.json"
         progress = Progress(path, f"{model.name} {driver.board.robot_id}", plan.procedure, plan.settings)
+        if plan.procedure != STRAIGHT:
+            progress.require_result(STRAIGHT)
+            warn_of_distances(model)
         if job.restart:
             progress.forget()
         try:

@@ -12,6 +12,7 @@ from mrl_driver.driver import Driver
 from mrl_driver.errors import BoardTimeout, ConfigError
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.line_follower import limit_to_stop
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.odometry import AnyWheels, FourWheels
 from mrl_driver.robot.robot_state import Telemetry
@@ -213,11 +214,12 @@ def spin_motors(robot: Driver, code: int, percents: Sequence[int], seconds: floa
     """Turn the motors at these shares of full speed; afterwards they turn until they are stopped.
 
     The robot must be settled first; before that, the driver still repeats its stop.  Raise BoardTimeout, with the robot
-    stopped, if telemetry ends.
+    stopped, if telemetry ends or this computer pauses.
     """
     for _ in range(max(1, round(seconds / KEEP_ALIVE_S))):
-        if not robot.ready:
-            robot.stop()
-            raise stop_error(robot, "telemetry ended while the motors turned")
         robot.request(code, *percents)
         robot.wait(KEEP_ALIVE_S)
+        if not robot.ready or robot.stop_reason == StopReason.HOST_PAUSED:
+            error = stop_error(robot, "the motors did not turn on")
+            robot.stop()
+            raise error

@@ -22,7 +22,14 @@ from mrl_driver.robot.sonar import NAMES
 from mrl_driver.robot.sonar_curve import THESIS, Curve, SonarFit
 
 from . import from_recording, manoeuvres
-from .commands.calibrate_job import Job, Result, job_options, recording_option, value_option
+from .commands.calibrate_job import (
+    Job,
+    Result,
+    job_options,
+    recording_option,
+    value_option,
+    warn_of_distances,
+)
 from .ground_truth import tell
 from .manoeuvres import Speeds, Track
 
@@ -152,12 +159,14 @@ def sonar(
         if points is not None:
             readings = read_points(points)
         else:
+            warn_of_distances(model)
             rows, _ = from_recording.read(str(recording), model)
             readings = readings_at_stops(rows, model.differential, start)
         job.finish(_fitted(readings, _model_curve(model), model, output))
         return
     with job.robot() as (driver, model, output):
         require_sonars(driver)
+        warn_of_distances(model)
         kept = f"{os.path.splitext(output)[0]}.sonar.csv"
         readings = _approach(driver, planned, kept, job)
         result = _fitted(readings, curve_in_force(driver), model, output)

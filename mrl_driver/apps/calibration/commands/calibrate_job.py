@@ -18,7 +18,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.files import require_writable
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
-from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.models import ON_WHEELS, RobotModel
 
 YAML = (".yaml", ".yml")
 RUNS, TURNS = click.IntRange(2, 50), click.IntRange(1, 20)
@@ -162,6 +162,15 @@ def _model_of(driver: Driver) -> RobotModel:
     """The model of the connected robot, which says whether it is virtual."""
     assert driver.model is not None
     return driver.model._replace(virtual=driver.board.virtual)
+
+
+def warn_of_distances(model: RobotModel) -> None:
+    """Print a warning if the model's distances, on which a calibration rests, were not measured by `straight`."""
+    if model.noise.distance_scale_sd == ON_WHEELS.distance_scale_sd:
+        shared.print_message(
+            "warning: this result rests on distances by the wheels, which nobody measured: run mrl calibrate straight "
+            "first"
+        )
 
 
 def connect(job: Job, **options: Any) -> ContextManager[Driver]:
