@@ -105,8 +105,17 @@ WRONG = {
             {"sonars.back": {"x_m": 0, "y_m": 0, "yaw_deg": 180}},
             "sonars.back is on the input 'back', expected input: front, left",
         ),
-        ({"board.kp": 700.5}, "board.kp is 700.5, expected a whole number from 0 to 32767"),
+        (
+            {"body.mass_kg": 1200},
+            "body.mass_kg is 1200.0, expected at most 69.8 for a body of this size, in kg",
+        ),
+        ({"board.kp": 700.5}, "board.kp is 700.5, expected a whole number from 1 to 32767"),
         ({"board.kp": 40000}, "board.kp is 40000"),
+        ({"board.kp": 0}, "board.kp is 0"),
+        (
+            {"board.linear_ceiling": 6500},
+            "board.linear_ceiling is 6500, expected a whole number from 1 to 5000",
+        ),
         ({"imu.gyro_scale": -1.0}, "imu.gyro_scale is -1.0, expected a number from 0.8 to 1.25"),
         ({"imu.gyro_scale_sd": 0.0}, "imu.gyro_scale_sd is 0.0, expected a number from 1e-05 to 0.25"),
         ({"imu.roll_deg": 181}, "imu.roll_deg is 181, expected a number from -180 to 180"),

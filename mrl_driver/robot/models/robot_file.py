@@ -72,7 +72,11 @@ _LEAST_US_PER_RAD = 1.0
 _LIKE = 1.8
 """Sizes that belong together differ at most by this factor: a diameter in place of a radius is 2; of StingBot's wheel,
 whose values are fitted, 1.72."""
+_DENSEST_KG_M3 = 20000.0
+"""No body is denser than gold; one whose mass is in grams seems so."""
 _RANGES = {
+    "kp": (1, INT16_MAX),  # without it the wheels do not follow their commands
+    "linear_ceiling": (1, 5000),  # running
     "wheel_separation_m": (0.02, 5.0),
     **dict.fromkeys(("radius_m", "half_length_m", "half_width_m"), (0.01, 2.5)),
     "wheel_radius_m": (0.003, 1.0),
@@ -502,6 +506,10 @@ class RobotFile(Form):
             ):
                 if not like / _LIKE <= got <= like * _LIKE:
                     raise reader.fail(name, got, f"about {like:.3g}, to fit {of}")
+        most_kg = _DENSEST_KG_M3 * body.length_m * body.width_m * body.height_m
+        if body.mass_kg > most_kg:
+            expected = f"at most {most_kg:.3g} for a body of this size, in kg"
+            raise reader.fail("body.mass_kg", body.mass_kg, expected)
         far_m = 2 * max(body.length_m, body.width_m)
         for name, mount in model.sonars.items():
             for key in ("x_m", "y_m"):
@@ -527,7 +535,8 @@ _TEXTS = {
 def _board() -> Keys:
     rows = [row for row in PARAMETERS if row.number in BOARD_KEYS]
     rows += [row for row in PARAMETERS if row.name in OWN_KEYS]
-    forms = {row.name: _Bridge() if row.name == "bridge" else Whole(row.low, row.high) for row in rows}
+    forms: Dict[str, Form] = {row.name: Whole(*_RANGES.get(row.name, (row.low, row.high))) for row in rows}
+    forms["bridge"] = _Bridge()
     texts = {row.name: f"{row.text} [{row.unit}]" if row.unit else row.text for row in rows}
     return Keys(forms, OWN_KEYS, texts)
 
