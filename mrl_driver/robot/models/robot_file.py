@@ -535,7 +535,9 @@ _TEXTS = {
 def _board() -> Keys:
     rows = [row for row in PARAMETERS if row.number in BOARD_KEYS]
     rows += [row for row in PARAMETERS if row.name in OWN_KEYS]
-    forms: Dict[str, Form] = {row.name: Whole(*_RANGES.get(row.name, (row.low, row.high))) for row in rows}
+    forms: Dict[str, Form] = {
+        row.name: Whole(*map(int, _RANGES.get(row.name, (row.low, row.high)))) for row in rows
+    }
     forms["bridge"] = _Bridge()
     texts = {row.name: f"{row.text} [{row.unit}]" if row.unit else row.text for row in rows}
     return Keys(forms, OWN_KEYS, texts)
