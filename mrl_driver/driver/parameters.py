@@ -1,13 +1,15 @@
 """Reads, sets and saves the parameters of a board, as `Driver.parameters`."""
 
 import contextlib
+import math
 from typing import Dict, Iterable, Mapping, Optional, Tuple
 
 from mrl_driver.errors import BoardError, BoardRefused, MrlError
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PINS, SETTINGS, Parameter
 from mrl_driver.robot import wiring
 from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, Chip
-from mrl_driver.robot.models import COMMON_BOARD, OF_CONTROL, RobotModel, beyond_control
+from mrl_driver.robot.models import COMMON_BOARD, CURVE_KEYS, OF_CONTROL, RobotModel, beyond_control
+from mrl_driver.robot.models.range_sensors import SONARS
 
 from .connection import Connection
 
@@ -18,6 +20,10 @@ _READ, _WRITE, _SAVE, _DEFAULTS, _WIRING, _BOARD = (
 
 CABLES = ("bridge", "wiring", *(row.name for row in PINS))
 """Parameters that describe the cables of one robot."""
+
+
+SMALL = 0.02
+"""A speed, a turn or a range that is wrong by more than this share is worth a warning.  Assumed."""
 
 
 def default_of(model: Optional[RobotModel], row: Parameter) -> Optional[int]:
@@ -32,6 +38,28 @@ def differing(values: Mapping[str, int], model: RobotModel) -> Dict[str, int]:
     """Return the model's values of the parameters, by name, that differ from these values of a board."""
     defaults = {name: default_of(model, PARAMETER_BY_NAME[name]) for name in values}
     return {name: value for name, value in defaults.items() if value is not None and value != values[name]}
+
+
+def curve_share(values: Mapping[str, int], model: RobotModel) -> float:
+    """Return by which share a board with these values gives longer ranges than with the model's curve, at 1 m."""
+    expected = {name: default_of(model, PARAMETER_BY_NAME[name]) or 0 for name in CURVE_KEYS}
+    (a, b, c), (model_a, model_b, model_c) = (
+        [each[name] / 1e4 for name in CURVE_KEYS] for each in (values, expected)
+    )
+    try:
+        return float(a * max(0.0, (100 - model_c) / model_a) ** (b / model_b) + c) / 100 - 1
+    except (OverflowError, ZeroDivisionError):
+        return math.inf
+
+
+def curve_texts(share: float, model: RobotModel) -> Tuple[str, str]:
+    """Return in words how the ranges of a board differ from the model's curve by this share, and what to do."""
+    words = " ".join(f"{name} {default_of(model, PARAMETER_BY_NAME[name])}" for name in CURVE_KEYS)
+    wrong = f"{abs(share) * 100:.3g} % {'short' if share < 0 else 'long'}"
+    return (
+        f"the sonars' curve is not that of the model {model.name}: at 1 m ranges are {wrong}",
+        f"if the model is right: mrl config set {words} --port PORT; if not: mrl calibrate sonar --port PORT",
+    )
 
 
 class Parameters:
@@ -80,6 +108,13 @@ class Parameters:
             number = self._connection.ask(_BOARD)[0]
             self._found = ATMEGA2560 if str(number) in ATMEGA2560.name else ATMEGA328P
         return self._found or ATMEGA328P
+
+    def curve_warning(self, model: RobotModel) -> str:
+        """Return in one line how the board's sonar curve differs from the model's; empty if by less than `SMALL`."""
+        if not self.can_save or not any(each.input_of(name) in SONARS for name, each in model.sonars.items()):
+            return ""
+        share = curve_share(self.read(*CURVE_KEYS), model)
+        return "; ".join(curve_texts(share, model)) if abs(share) > SMALL else ""
 
     def wiring_problem(self) -> str:
         """Return in one line what is wrong with the pins or the numbers of an H-bridge board; empty if nothing is."""

@@ -259,8 +259,9 @@ class RobotNode:
             )
         if is_other_version():
             rospy.logwarn(REBUILD)
-        if driver.build_warning:
-            rospy.logwarn(driver.build_warning)
+        curve_warning = driver.parameters.curve_warning(model) if self._parameters.zones_by_sonar else ""
+        for warning in filter(None, (driver.build_warning, curve_warning)):
+            rospy.logwarn(warning)
         if model.drives and not model.has_odometry:
             rospy.logwarn(NO_ODOMETRY)
         if self._localisers and self._parameters.has("odometry"):

@@ -219,6 +219,16 @@ def test_a_parameter_that_differs_from_the_model(model, values, level, words):
 
 
 @pytest.mark.parametrize(
+    "values, level, words",
+    [({"sonar_a": 12250}, WARNING, "4.12 % long"), ({"sonar_b": 1}, FAULT, "99.2 % short")],
+)
+def test_another_curve_of_the_sonars(values, level, words):
+    """100 cm are 109.6 counts by the model: 1.225 x 109.6^0.9466 - 0.376 is 104.1 cm, 1.1767 - 0.376 is 0.80 cm."""
+    found = compared(TRAXBOT, **values)["sonars"]
+    assert found.level == level and f"at 1 m ranges are {words}" in found.text
+
+
+@pytest.mark.parametrize(
     ("right_m", "left_m", "words"),
     [
         (0.1, 0.0, "turns and counts forward"),

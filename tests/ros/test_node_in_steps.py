@@ -599,6 +599,19 @@ def test_a_node_begins_with_its_warnings(node, given, board, words):
     assert node.ros.asked == 1, "the state of a large system takes long"
 
 
+@pytest.mark.parametrize(
+    "sonar_a, zones, warned", [(14000, "sonars", 1), (11900, "both", 0), (14000, "scan", 0)]
+)
+def test_zones_by_sonars_warn_of_another_curve_on_the_board(node, sonar_a, zones, warned):
+    node.before = lambda: node.emulated.engine.config.__setitem__("sonar_a", sonar_a)
+    node.run(given={"zones": zones})
+    long = "the sonars' curve is not that of the model traxbot: at 1 m ranges are 19 % long; if the model is right: "
+    assert (
+        node.levels(long + "mrl config set sonar_a 11767 sonar_b 9466 sonar_c -3759 --port")
+        == ["warn"] * warned
+    )
+
+
 @pytest.mark.parametrize("parts, code", [("odometry status", 0), ("all", 1)])
 def test_only_a_node_with_commands_needs_a_master_that_answers(node, parts, code):
     """It must know who has published commands before."""

@@ -3,7 +3,7 @@
 import math
 from typing import Iterator, List, Mapping, Tuple
 
-from mrl_driver.driver.parameters import CABLES, default_of
+from mrl_driver.driver.parameters import CABLES, SMALL, curve_share, curve_texts
 from mrl_driver.driver.parameters import differing as differing_values
 from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME
 from mrl_driver.robot.models import CURVE_KEYS, Drive, RobotModel
@@ -11,8 +11,7 @@ from mrl_driver.robot.wiring import NAMES, short
 
 from .findings import FAULT, NOTE, WARNING, Finding, note, ok, problem, warning
 
-SMALL, LARGE = 0.02, 0.1
-"""A speed, a turn or a range that is wrong by more than this share is a warning, or a fault.  Assumed."""
+LARGE = 0.1  # beyond this share, what is a warning beyond `SMALL` is a fault; assumed
 CALIBRATED = 0.1
 """Share by which a calibration may move the geometry of odometry away from the board's.  Assumed: tyres give way by a
 few percent, and a wheel separation was measured to the middle of tyres of a tenth of its width."""
@@ -23,7 +22,6 @@ _RESTS = {
 }
 """Parameters of the geometry, and the key of odometry that rests on the same measure."""
 _CEILINGS = {"linear_ceiling": ("linear_m_s", "m/s"), "angular_ceiling": ("angular_rad_s", "rad/s")}
-_REFERENCE_M = 1.0
 
 
 def check(values: Mapping[str, int], model: RobotModel) -> Iterator[Finding]:
@@ -32,7 +30,8 @@ def check(values: Mapping[str, int], model: RobotModel) -> Iterator[Finding]:
     named = [name for name in differing if name in model.board and name not in CURVE_KEYS]
     found = [_finding(name, values, model) for name in named]
     if any(name in differing for name in CURVE_KEYS):
-        found.append(_sonar_curve(values, model))
+        share = curve_share(values, model)
+        found.append(problem(_level(share), "parameters", "sonars", *curve_texts(share, model)))
     if values.get("bridge") and isinstance(model.drive, Drive) and not set(_RESTS) & set(named):
         found += _odometry(values, model)
     yield from found or [ok("parameters", f"as in the model {model.name}")]
@@ -97,24 +96,6 @@ def _ceiling(name: str, value: int, model: RobotModel) -> Tuple[str, str]:
         return NOTE, f"no effect: the driver commands at most {most:g} {unit}"
     board = f"the board drives at most {value / 1000:g} {unit}"
     return WARNING, f"the driver commands up to {most:g} {unit}, and {board}"
-
-
-def _sonar_curve(values: Mapping[str, int], model: RobotModel) -> Finding:
-    import numpy as np  # late: takes long to import
-
-    from mrl_driver.robot.sonar_curve import Curve
-
-    expected = {name: default_of(model, PARAMETER_BY_NAME[name]) or 0 for name in CURVE_KEYS}
-    ours, theirs = (Curve(*(each[name] / 1e4 for name in CURVE_KEYS)) for each in (values, expected))
-    with np.errstate(all="ignore"):  # any numbers may be on a board
-        range_m = float(ours.range_m(theirs.counts(np.array([_REFERENCE_M])))[0])
-    share = range_m / _REFERENCE_M - 1 if math.isfinite(range_m) else math.inf
-    words = " ".join(f"{name} {value}" for name, value in expected.items())
-    wrong = _percent(share, "short", "long")
-    text = f"the curve is not that of the model {model.name}: at {_REFERENCE_M:g} m ranges are {wrong}"
-    change = f"mrl config set {words} --port PORT"
-    advice = f"if the model is right: {change}; if not: mrl calibrate sonar --port PORT"
-    return problem(_level(share), "parameters", "sonars", text, advice)
 
 
 def _odometry(values: Mapping[str, int], model: RobotModel) -> List[Finding]:
