@@ -1,11 +1,12 @@
 """The listening end of a network connection to a board: one client at a time.
 
-Nothing here blocks.  The first to connect is the client.  Until it has left (TCP) or was silent for `SILENT_S` (UDP),
-other connections are closed at once, and datagrams from other senders are dropped.
+Nothing here blocks.  The first to connect is the client, until it has left (TCP) or was silent for `SILENT_S` when
+another one comes.  Other connections get a line that names it and are closed; other senders' datagrams are dropped.
 """
 
 import contextlib
 import errno
+import math
 import socket
 import time
 from typing import Any, List, Optional, Tuple, Union
@@ -15,11 +16,13 @@ from mrl_driver.errors import ConfigError, LinkError, MrlError, PortBusy, PortDe
 from .address import TCP, Address, parse
 
 SILENT_S = 2.0
-"""A UDP client that sends nothing for this time counts as gone [s]; a driver sends something every 0.5 s."""
+"""A client that sends nothing for this time has no right to its place [s]; a driver sends something every 0.5 s."""
 GONE_S = 2
 READ_SIZE = 4096
 LONGEST = 1400  # longest datagram [byte]; Ethernet would split a longer one
-NO_BOARD = b"\r\nmrl serve: "  # begin of the line with which a bridge tells its client that the board is away
+REASON = (
+    b"\r\nmrl serve: "  # begin of the line with which a bridge tells its client why it closes the connection
+)
 MOST_DATAGRAMS = 32
 """At most this many datagrams are looked at in one read: a flood by others does not hold up the caller."""
 MOST_WAITING = 10_000  # more datagrams than the system keeps
@@ -37,7 +40,7 @@ class TcpListener:
     def __init__(self, address: Address) -> None:
         self._listening = bound(address, socket.SOCK_STREAM)
         self._end: Optional[socket.socket] = None
-        self._accepts, self._silent = True, True
+        self._accepts, self._silent, self._heard_s = True, True, -math.inf
         self.address = address._replace(port=self._listening.getsockname()[1])
         """Address of the listener; if port 0 was requested, with the port that the system chose."""
         self.client = ""  # address of the connected client; empty without one
@@ -63,22 +66,25 @@ class TcpListener:
             except OSError as error:
                 self._accepts = isinstance(error, (BlockingIOError, ConnectionError))
                 return came
+            end.setblocking(False)
             if self._end is not None:
-                self._gone_already()
+                self._make_room(self._end)
             if self._end is not None:
+                with contextlib.suppress(OSError):
+                    end.send(REASON + f"{self.client} is served; end that program first\r\n".encode())
                 end.close()
                 continue
-            end.setblocking(False)
             prompt(end)
             self._end, self.client, came, self._silent = end, spell(name), True, True
+            self._heard_s = time.monotonic()
 
-    def _gone_already(self) -> None:
-        """Drop the client if it has closed its connection already."""
-        assert self._end is not None
+    def _make_room(self, client: socket.socket) -> None:
+        """Drop the client if it has closed its connection already, or is silent."""
         try:
-            there = bool(self._end.recv(1, socket.MSG_PEEK))
+            there = bool(client.recv(1, socket.MSG_PEEK))
         except OSError as error:
-            there = isinstance(error, BlockingIOError)
+            heard = time.monotonic() - self._heard_s < SILENT_S
+            there = isinstance(error, BlockingIOError) and heard
         if not there:
             self.drop()
 
@@ -95,7 +101,7 @@ class TcpListener:
         if not data or (self._silent and data[:1].isalpha()):
             self.drop()
             return b""
-        self._silent = False
+        self._silent, self._heard_s = False, time.monotonic()
         return data
 
     def write(self, data: bytes) -> int:

@@ -13,7 +13,7 @@ from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import STOP_CODE
 
 from .link import Link
-from .listener import NO_BOARD, Listener
+from .listener import REASON, Listener
 
 STOP, STOP_2013 = (encode_request(STOP_CODE, wrapped=wrapped) for wrapped in (False, True))
 # How a request to a board of 2013 begins, see `table.WRAP`; none to another board does.  A driver that greets a board
@@ -143,7 +143,7 @@ class Bridge:
         self._listener.read()
         self._listener.attend()
         if self._listener.client:
-            self._listener.write(NO_BOARD + self._why.encode() + b"\r\n")
+            self._listener.write(REASON + self._why.encode() + b"\r\n")
             self._listener.drop()
 
     def _lose(self, link: Link, error: LinkLost) -> None:

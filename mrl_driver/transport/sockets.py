@@ -14,7 +14,7 @@ from mrl_driver.errors import ConfigError, LinkError, LinkLost, PortDenied, Port
 
 from .address import UDP, Address, is_url, parse
 from .link import READ_SIZE, DescriptorLink
-from .listener import NO_BOARD, prompt
+from .listener import REASON, prompt
 
 _REMEDY = {
     errno.ECONNREFUSED: "nothing listens there; start the bridge, or check the port number",
@@ -75,9 +75,9 @@ class TcpLink(SocketLink):
 
     def _told(self) -> Optional[LinkLost]:
         """Return the error that `mrl serve` announced before it closed the connection."""
-        _, told, why = self._last.rpartition(NO_BOARD)
+        _, told, why = self._last.rpartition(REASON)
         words = why.decode(errors="replace").strip()
-        return LinkLost(f"{self.port}: mrl serve has no board now: {words}") if told else None
+        return LinkLost(f"{self.port}: the other end closed the connection: {words}") if told else None
 
     def _end_of_data(self) -> None:
         told = self._told()

@@ -14,7 +14,7 @@ from mrl_driver.driver import Driver, Options, served_robot
 from mrl_driver.driver.served_robot import ServedRobot
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, WrongRobot
 from mrl_driver.session.handshake import Board
-from mrl_driver.transport.listener import NO_BOARD, SILENT_S, listen
+from mrl_driver.transport.listener import REASON, SILENT_S, listen
 from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.relay import STOP, STOP_2013, STOPS, Bridge
 from sim_arduino.testing import EmulatedBoard
@@ -79,6 +79,28 @@ def test_frames_in_a_request_of_a_browser_reach_no_board(method):
         browser.write(method + b" / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" + COMMAND)
         wait_until(lambda: listener.read() or not listener.client)
         assert not listener.client
+
+
+@pytest.mark.parametrize(
+    "silent_s, said", [(SILENT_S - 0.1, "is served; end that program first"), (SILENT_S, "")]
+)
+def test_only_a_silent_client_gives_up_its_place(monkeypatch, silent_s, said):
+    now_s = [100.0]
+    monkeypatch.setattr("mrl_driver.transport.listener.time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    listener = listen(f"tcp://{ADDRESS}")
+    with contextlib.closing(listener), contextlib.closing(open_link(str(listener.address))) as first:
+        wait_until(listener.attend)
+        now_s[0] += 10.0
+        first.write(b"@5e")
+        assert wait_until(listener.read) == b"@5e"
+        held, now_s[0] = listener.client, now_s[0] + silent_s
+        with contextlib.closing(open_link(str(listener.address))) as second:
+            if said:
+                with pytest.raises(LinkLost, match=f"the other end closed the connection: {held} {said}"):
+                    wait_until(lambda: listener.attend() or (second.read(0.01) and False))
+            else:
+                wait_until(listener.attend)
+            assert (listener.client == held) == bool(said)
 
 
 def over(link, listener, tell=str):
@@ -208,7 +230,7 @@ def test_the_client_of_a_lost_board_is_told_and_sent_away():
     links = [link, None]
     bridge = Bridge(lambda: links.pop(0) if links else bridge.stop(), done.append, listener, str)
     run(bridge)
-    line = NO_BOARD + str(error).encode() + b"\r\n"
+    line = REASON + str(error).encode() + b"\r\n"
     assert done[:3] == [[], [line], error] and link.close.mock_calls == [mock.call()]
     assert listener.attend.called and listener.read.called
 
@@ -239,7 +261,7 @@ def away(cable):
 
 
 def test_a_bridge_starts_before_its_board_is_there_and_tells_clients(away, cable):
-    with pytest.raises(LinkLost, match="mrl serve has no board now: the board was not found yet$"):
+    with pytest.raises(LinkLost, match="the other end closed the connection: the board was not found yet$"):
         Driver(away.url).connect()
     cable.plug()
     with Driver(away.url, options=Options(port_timeout_s=PATIENCE_S)) as robot:

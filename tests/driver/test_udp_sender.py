@@ -14,7 +14,7 @@ import pytest
 
 from mrl_driver.errors import ConfigError, LinkError, LinkLost, PortBusy, PortDenied, PortMissing
 from mrl_driver.transport import sockets
-from mrl_driver.transport.listener import NO_BOARD, datagrams, listen, prompt
+from mrl_driver.transport.listener import REASON, datagrams, listen, prompt
 from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.sockets import UdpSender, explain
 from tests.waiting import PATIENCE_S, wait_until
@@ -191,8 +191,11 @@ def test_all_that_wait_while_a_client_is_connected_are_closed_at_once(host, name
             for end in [socket.create_connection((host, port)) for _ in range(2)]:
                 end.settimeout(PATIENCE_S)
                 assert not there.attend()
-                with end:
-                    assert end.recv(1) == b""
+                with end, end.makefile("rb") as told:
+                    assert (
+                        told.read()
+                        == REASON + f"{there.client} is served; end that program first\r\n".encode()
+                    )
             assert there.read() == b"@5e" and there.write(b"@5e") == 3 and first.recv(9) == b"@5e"
             wait_until(lambda: there.write(bytes(1 << 16)) == 0)
             assert there.client
@@ -269,8 +272,10 @@ def test_the_last_words_of_a_bridge_are_told_though_a_write_fails_first():
     with socket.create_server(("127.0.0.1", 0)) as bridge:
         link = open_link(f"tcp://127.0.0.1:{bridge.getsockname()[1]}")
         with closing(bridge.accept()[0]) as end:
-            end.sendall(NO_BOARD + b"the cable is out\r\n")
-        with closing(link), pytest.raises(LinkLost, match="mrl serve has no board now: the cable is out$"):
+            end.sendall(REASON + b"the cable is out\r\n")
+        with closing(link), pytest.raises(
+            LinkLost, match="the other end closed the connection: the cable is out$"
+        ):
             wait_until(lambda: link.write(b"@5e"))
 
 

@@ -28,7 +28,7 @@ from mrl_driver.session.events import Lost, Ready, Slowed, Stale
 from mrl_driver.transport import open_link as opening
 from mrl_driver.transport.address import Address, is_network, parse, require_port, scheme_of
 from mrl_driver.transport.baud_rates import require_raisable
-from mrl_driver.transport.listener import NO_BOARD
+from mrl_driver.transport.listener import REASON
 from mrl_driver.transport.open_link import open_link, speed_up
 from mrl_driver.transport.relay import STOP_2013
 from sim_arduino.serve import factory
@@ -263,7 +263,7 @@ def test_a_board_that_returns_to_its_address_is_found(scheme):
 
 def test_a_second_program_is_turned_away():
     with EmulatedBoard("square", listen="tcp://127.0.0.1:0") as board, Driver(board.port) as robot:
-        with pytest.raises(LinkLost, match="serve another program"):
+        with pytest.raises(LinkLost, match=r"127.0.0.1:\d+ is served; end that program first"):
             Driver(board.port).connect()
         assert robot.ready
 
@@ -436,7 +436,7 @@ HTTP = b"HTTP/1.1 400 Bad Request\r\n\r\n"
     [
         (b"SSH-2.0-OpenSSH_9.2p1\r\n", False, NotARobot, "SSH-2.0"),
         (HTTP, True, LinkLost, "sent b'HTTP/1.1 400 Bad Request' and closed .* another service"),
-        (NO_BOARD + b"no \xe9\r\n", True, LinkLost, "mrl serve has no board now: no \ufffd$"),
+        (REASON + b"no \xe9\r\n", True, LinkLost, "the other end closed the connection: no \ufffd$"),
         (b"@5,1e", True, LinkLost, "the other end closed the connection; it may serve another program"),
         (b"", True, LinkLost, "the other end closed the connection|reset by peer"),
     ],
