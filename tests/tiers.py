@@ -1,8 +1,8 @@
 """The tier of a test, decided by what its file and its fixtures' files import.
 
-`quick` is pure: no process, no port, no ROS, no compiler but g++ for the firmware's PC build.  `test` adds processes,
-ports, documents, whole calibrations and the statistics of drawn robots; of ROS, the firmware's image and the browser it
-has the files named `test_one_drive.py`.  `all` is everything.
+`quick` is pure: no process, no port, no ROS, no compiler but g++ for the PC build that conformance drives.  `test` adds
+processes, ports, documents, the firmware's parts, whole calibrations and the statistics of drawn robots; of ROS, the
+firmware's image and the browser it has the files named `test_one_drive.py`.  `all` is everything.
 """
 
 import functools
@@ -26,9 +26,10 @@ OUTSIDE = re.compile(
 )
 FOLDERS = {
     "cli": TEST,
+    "firmware": TEST,
     "calibration": TEST,
-    "experiments": TEST,
     "documents": TEST,
+    "experiments": ALL,
     "packaging": ALL,
     "long": ALL,
 }

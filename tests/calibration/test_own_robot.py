@@ -287,7 +287,8 @@ def test_a_bridge_that_coasts_is_measured_without_encoders(workshop_of, tmp_path
 WORDS = "left,forward,rear_left,forward,right,forward,forward,yes"
 """What a user sees: the second output turns the rear left wheel, and the third one the right wheel."""
 FOUR_M, FOUR_RAD, SIDE_SLIP = 0.01, 0.02, 0.05
-_MECANUM = (_GEOMETRY[0], ("turn", "--count", 2), ("sideways", "--count", 2, "--distance", 0.3))
+_SKID = (_GEOMETRY[0], ("turn", "--count", 2))
+_PROCEDURES = {"skid": _SKID, "mecanum": (*_SKID, ("sideways", "--count", 2, "--distance", 0.3))}
 
 
 FOUR_WHEELS = [("skid", "python"), ("mecanum", "python"), ("mecanum", "avr")]
@@ -314,7 +315,7 @@ def test_four_wheels_with_hidden_errors_close_a_square(kind, engine, workshop_of
     out = workshop.mrl("new", "truck", *facts, "--no-flash", "--port", "tcp://kit:1", "--truth", "t", "--yes")
     assert "rear right encoder reversed" in out and "right_pwm_a on 8" in out
     path = str(tmp_path / "config" / "mrl-driver" / "robots" / "truck.yaml")
-    for procedure in (_MECANUM if kind == "mecanum" else _GEOMETRY) if error else ():
+    for procedure in _PROCEDURES[kind] if error else ():
         workshop.mrl("calibrate", *procedure, "--robot", path, "--truth", "t", "--yes", "--eeprom")
     with workshop.robot("truck", period_ms=50) as robot:
         start = workshop.pose()
