@@ -205,7 +205,7 @@ def _check_motion(driver: "Driver", drives: bool) -> Iterator[Finding]:
 
 
 def _ask(question: str) -> bool:
-    return click.confirm(f"  {question}", default=True)
+    return shared.agrees(f"  {question}", default=True, err=False)
 
 
 def _of_error(error: MrlError, port: str) -> Finding:

@@ -13,7 +13,7 @@ from mrl_driver.robot.inputs import SAFETY
 from mrl_driver.robot.models import ANALOG
 from mrl_driver.robot.models.kit import SONAR_PLACES, Kit
 
-from .shared import choose, print_message
+from .shared import agrees, choose, print_message
 
 CHIPS = {
     "vnh5019": "Pololu's VNH5019 shield or carrier, VNH2SP30: inputs INA, INB, PWM",
@@ -276,9 +276,7 @@ def _ask(wired: Wired, wheels: int) -> None:
     click.echo(_PICTURE.format(*wires.inputs, bridge=bridge.upper(), **facts), err=True)
     bus = ", ".join(map(chip.label, chip.bus))
     pins[wiring.I2C] = int(
-        click.confirm(
-            f"Are devices on the I2C bus ({bus}), such as an IMU?", bool(pins[wiring.I2C]), err=True
-        )
+        agrees(f"Are devices on the I2C bus ({bus}), such as an IMU?", bool(pins[wiring.I2C]))
     )
     for wheel, outputs, encoder in zip(WHEELS[:wheels], wiring.OUTPUTS, wiring.ENCODERS):
         side = _words(wheel)
@@ -295,7 +293,7 @@ def _ask(wired: Wired, wheels: int) -> None:
     _ask_pin(wired, "pin_battery", "divider of the battery's voltage", False)
     _ask_sonars(wired)
     given = any(pins[name] != NOT_CONNECTED for name in wiring.STOP_INPUTS)
-    if click.confirm("Are there bumpers, cliff sensors or an emergency stop?", given, err=True):
+    if agrees("Are there bumpers, cliff sensors or an emergency stop?", given):
         click.echo(f"  each is between its pin and GND; {SAFETY}", err=True)
         for name in wiring.STOP_INPUTS:
             _ask_pin(wired, name, _words(name), False)
@@ -306,8 +304,8 @@ def _ask(wired: Wired, wheels: int) -> None:
 def _ask_sonars(wired: Wired) -> None:
     """Ask for range sensors, if a pin is free, and for their pins."""
     taken = {*wired.chip.serial, *(wired.pins[name] for name in wiring.PIN_NAMES)}
-    if taken.issuperset(range(len(wired.chip.pins))) or not click.confirm(
-        "Are there range sensors: HC-SR04, Sharp GP2Y0A21 or GP2Y0A02?", err=True
+    if taken.issuperset(range(len(wired.chip.pins))) or not agrees(
+        "Are there range sensors: HC-SR04, Sharp GP2Y0A21 or GP2Y0A02?"
     ):
         return
     analog = _list(wired.chip, lambda pin: pin.channel >= 0)

@@ -320,13 +320,32 @@ def no_view_because() -> str:
     return "--json has no view"
 
 
+class _Agreement(click.ParamType):
+    """Yes or no; click's own question says `invalid input` to other words."""
+
+    name = "answer"
+
+    def convert(self, value: Any, param: Optional[click.Parameter], ctx: Optional[click.Context]) -> bool:
+        word = str(value).strip().lower()
+        if word not in ("y", "yes", "n", "no"):
+            self.fail(f"got {value!r}, expected y or n", param, ctx)
+        return word.startswith("y")
+
+
+def agrees(question: str, default: bool = False, err: bool = True) -> bool:
+    """Ask until the answer is yes or no, or empty for the default; return whether it is yes."""
+    words, empty = ("[Y/n]", "y") if default else ("[y/N]", "n")
+    kind = _Agreement()
+    return bool(click.prompt(f"{question} {words}", default=empty, show_default=False, type=kind, err=err))
+
+
 def confirm(question: str, yes: bool, otherwise: str = "nothing was changed") -> None:
     """Ask, unless `yes`; click.Abort, which says `otherwise`, after a no, and ConfigError without a terminal."""
     if yes:
         return
     if not sys.stdin.isatty():
         raise ConfigError(f"{question} stdin is not a terminal; give --yes to agree")
-    if not click.confirm(question, err=True):
+    if not agrees(question):
         raise click.Abort(otherwise)
 
 

@@ -9,6 +9,8 @@ import click
 
 from mrl_driver.host import system_setup as machine
 
+from .shared import agrees
+
 root_option = click.option(
     "--root",
     default="/",
@@ -76,9 +78,10 @@ def _mask_brltty(mask: Optional[bool], root: str) -> None:
     if not units:
         return
     if mask is None and sys.stdin.isatty():
-        mask = click.confirm(
+        mask = agrees(
             "brltty takes the USB adapters of robots for Braille displays, and their ports vanish. Mask it? "
-            "(no if you use a Braille display)"
+            "(no if you use a Braille display)",
+            err=False,
         )
     if mask:
         click.echo("\n".join(machine.mask_brltty()))

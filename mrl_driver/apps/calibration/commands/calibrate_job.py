@@ -153,7 +153,7 @@ class Job(NamedTuple):
             return
         listed = ", ".join(f"{name} {value}" for name, value in wanted.items())
         question = f"Write {listed} to the board's EEPROM?"
-        if self.eeprom or (sys.stdin.isatty() and click.confirm(question, err=True)):
+        if self.eeprom or (sys.stdin.isatty() and shared.agrees(question)):
             driver.parameters.replace(wanted)
             shared.print_message(f"the board's EEPROM has {listed}")
 
