@@ -9,7 +9,7 @@ Threads:
     recorder-end: closes that file if a callback has ended the recording (`driver.driver_recorder`).
     probe: ask several ports at once for their boards (`driver.probe`).
     teller: writes the messages of `mrl serve` (`transport.relay`), so that a slow terminal delays no byte.
-    Timer: offers the node's limits to `dynamic_reconfigure` some time after the start, and ends the node after its
+    later: offers the node's limits to `dynamic_reconfigure` some time after the start, and ends the node after its
     service `shutdown` has answered (`robot.robot_node`).
     planner: gives the planner the speed that the zones allow (`robot.zone_topics`).
     mrl-web-files: starts, ends and lists recordings for the page.  The page's event loop runs in the thread that calls

@@ -37,6 +37,7 @@ from mrl_driver.transport import fork_guard
 from mrl_driver.transport.baud_rates import FAST_BAUD
 from mrl_driver.transport.link import WRITE_TIMEOUT_S, Link
 from mrl_driver.transport.reconnect import LOOK_S
+from mrl_driver.waits import wait_until
 
 from .link_source import LinkSource
 from .options import require_timeout
@@ -205,11 +206,12 @@ class Connection:
             timeout_s = require_timeout("timeout_s", timeout_s)
         if timeout_s is None:
             self._require_other_thread("wait")
-        with self.changed:
-            ended = self.changed.wait_for(lambda: self.closing or self.error is not None, timeout_s)
-            if self.error is not None:
-                raise self.error
-            return ended
+        ended = wait_until(
+            lambda: self.closing or self.error is not None, math.inf if timeout_s is None else timeout_s
+        )
+        if self.error is not None:
+            raise self.error
+        return ended
 
     def request(self, code: int, *args: int) -> None:
         self.connected()
@@ -474,9 +476,8 @@ class Connection:
 
     def seek(self) -> None:
         """Look for the port once.  If it is found, `serve` greets the robot on it."""
-        with self.changed:
-            if self.changed.wait_for(lambda: self.closing, LOOK_S):
-                return
+        if wait_until(lambda: self.closing, LOOK_S):
+            return
         search = self.links.reconnection
         assert search is not None
         link = search.look()
@@ -592,7 +593,9 @@ class Connection:
             behind_s = self._line_free_s - queued_s - self.clock()
             if behind_s <= 0:
                 return
+            self._asking += 1  # the reading thread wakes this one
             self.changed.wait(behind_s)
+            self._asking -= 1
 
     def may_write(self) -> bool:
         """Return whether this thread may write: no other does, or another cannot report that it is done."""

@@ -34,6 +34,7 @@ from typing import Any, BinaryIO, Callable, Deque, Dict, Iterator, List, NamedTu
 from mrl_driver.errors import ConfigError, shortage, shortages
 from mrl_driver.files import open_plain
 from mrl_driver.json_text import exact_json
+from mrl_driver.waits import wait_until
 
 VERSION = 1
 TO_BOARD, FROM_BOARD, REMARK = ">", "<", "!"
@@ -172,7 +173,7 @@ class Recorder:
             os.close(self._fd)
 
     def _run(self) -> None:
-        while not self._ended.wait(FLUSH_S):
+        while not wait_until(self._ended.is_set, FLUSH_S):
             self._save(self._clock() - self._start_s - HOLD_S)
 
     def _save(self, before_s: float = math.inf) -> None:

@@ -31,7 +31,7 @@ from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.plane_poses import FARTHEST_M, planar, write_pose
 from ros1_bridge.node.run_node import node
 
-POLL_S = 0.1
+POLL_S = 0.05
 SILENT_S = 3.0  # move_base has ended if it publishes no status for this long; it sends five a second
 LEAVES_S = 0.1  # Time for the last message to leave on shutdown
 WARN_EVERY_S = 5.0
@@ -115,7 +115,6 @@ class FollowWaypoints:
         self._poses: Sequence[PoseStamped] = []
         self._lock = threading.Lock()
         """Guards tour and poses; never held during a call of actionlib, which has locks too."""
-        self._wake = threading.Event()
         self._sent: Optional[Target] = None
         self._handle: Optional[actionlib.ClientGoalHandle] = None
         self._shown: Optional[DiagnosticStatus] = None
@@ -178,15 +177,13 @@ class FollowWaypoints:
             self._take(self._first)
         while not rospy.is_shutdown():
             self._step()
-            self._wake.wait(POLL_S)
-            self._wake.clear()
+            time.sleep(POLL_S)
 
     def _offer(self, name: str, act: Callable[[], bool]) -> None:
         def serve(_: Any) -> TriggerResponse:
             with self._lock:
                 self._ordered = rospy.Time.now()
                 done, state = act(), self._tour.state
-            self._wake.set()
             return TriggerResponse(done, state if done else f"{name} has no effect: the tour is {state}")
 
         rospy.Service(f"~{name}", Trigger, serve)
@@ -241,14 +238,12 @@ class FollowWaypoints:
             reason = self._tour.reason if self._tour.state == PAUSED else ""
         if reason:
             rospy.logwarn(f"{reason}; the service resume drives on")
-        self._wake.set()
 
     def _on_cancel(self, goal: GoalID) -> None:
         """All goals are cancelled, as by a stop of the robot: pause, also between two goals."""
         if ends_tour(goal, self._ordered):
             with self._lock:
                 self._tour.pause(CANCELLED)
-            self._wake.set()
 
     def _on_claim(self, message: Any) -> None:
         """Take a claim: a String of `claims`, or a KeyValue that the radio has received."""
@@ -265,7 +260,6 @@ class FollowWaypoints:
         if heard is not None:
             with self._lock:
                 self._claim.receive(heard, time.monotonic())
-            self._wake.set()
 
     def _on_status(self, _: GoalStatusArray) -> None:
         self._heard_s = time.monotonic()
@@ -296,7 +290,6 @@ class FollowWaypoints:
             self._ordered = rospy.Time.now()
             self._poses = poses
             self._tour.begin(len(poses), time.monotonic())
-        self._wake.set()
 
     def _status(self, now_s: float) -> DiagnosticStatus:
         tour = self._tour

@@ -25,6 +25,7 @@ from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.goal_seeker import PATIENCE_S, GoalSeeker
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import NAMES
+from mrl_driver.waits import wait_until
 from ros1_bridge.node.cmd_vel import CmdVel, twist_of
 from ros1_bridge.node.parameters import Row, speed_rows
 from ros1_bridge.node.plane_poses import planar, transform_pose, write_pose
@@ -120,7 +121,7 @@ class GoToGoal:
     def run(self) -> None:
         """Offer the action after the first odometry, then take goals from topics: each can be driven to at once."""
         start_s = time.monotonic()
-        while not self._located.wait(POLL_S):
+        while not wait_until(self._located.is_set, POLL_S):
             if rospy.is_shutdown():
                 return
             if time.monotonic() - start_s > FIRST_ODOM_S:
@@ -154,7 +155,7 @@ class GoToGoal:
     def _end(self) -> None:
         """End the goal, so that the client gets its result before the topics close."""
         self._ending.set()
-        self._idle.wait(END_S)
+        wait_until(self._idle.is_set, END_S)
         with self._server.action_server.lock:  # the server's timer must not publish to a closed topic
             self._server.action_server.started = False
 

@@ -12,6 +12,7 @@ import rospy
 from rospy.impl.registration import get_registration_listeners
 
 from mrl_driver.errors import ConfigError, MrlError
+from mrl_driver.waits import wait_until
 
 from .master_watch import await_master
 from .parameters import Row, read, usage
@@ -64,9 +65,7 @@ def _run_node(name: str, parameters: Any, run: Callable[[Any], Optional[int]], r
             waits = isinstance(error, ConfigError) and os.environ.get(RESPAWN) == "true"
             rospy.logfatal(f"{error.line}; it is tried again in {RETRY_S:g} s" if waits else error.line)
             if waits:
-                ended = threading.Event()
-                rospy.on_shutdown(ended.set)
-                ended.wait(RETRY_S)
+                wait_until(rospy.is_shutdown, RETRY_S)
             return error.exit_code
     return 0
 

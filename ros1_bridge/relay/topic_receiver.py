@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Callable, Dict, List, Optional, Tuple
 
 from mrl_driver.safety.message_age import MessageAge, clock_s
+from mrl_driver.waits import wait_until
 
 from . import relay_frames as frames
 from .relay_frames import PROTOCOL, RelayError
@@ -102,7 +103,7 @@ class TopicReceiver:
                     self._exchange(connection)
             except (OSError, RelayError) as error:
                 self._lose(str(error))
-            self._ends.wait(RETRY_S)
+            wait_until(self._ends.is_set, RETRY_S)
 
     def _lose(self, reason: str) -> None:
         was, self.is_connected, self.reason = self.is_connected, False, reason

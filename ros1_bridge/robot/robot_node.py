@@ -10,7 +10,6 @@ import gc
 import math
 import os
 import sys
-import threading
 import time
 from typing import Any, Callable, Dict, Optional, Set, Tuple
 
@@ -35,6 +34,7 @@ from mrl_driver.safety.speed_limiter import MANUAL, manual_speed_m_s
 from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import Awaited, Ready
 from mrl_driver.session.handshake import Board
+from mrl_driver.waits import later
 from ros1_bridge.control.commander import Commander, lowered
 from ros1_bridge.node.master_watch import MasterWatch
 from ros1_bridge.node.robot_parameters import ROWS, Parameters, check, without_motors
@@ -164,9 +164,7 @@ class RobotNode:
         self._listen(board)
         if parameters.has("commands"):
             offer = Reconfigure(driver, commander, services, publishers, parameters).offer
-            late = threading.Timer(OFFERED_S, offer, (limits,))
-            late.daemon = True  # the end of the node does not wait for it
-            late.start()
+            later(OFFERED_S, offer, limits)
 
     def _connected_before(self) -> Tuple[Connected, Connected]:
         """The publishers and the subscribers before this node; without a master, a node without commands needs none."""
@@ -223,7 +221,7 @@ class RobotNode:
     def _end_node(self) -> Answer:
         """Stop now; the node closes the port and ends after the answer has left."""
         done, text = self._services.stop()
-        threading.Timer(ANSWER_S, rospy.signal_shutdown, ("the service shutdown was called",)).start()
+        later(ANSWER_S, rospy.signal_shutdown, "the service shutdown was called")
         return done, "stopped; the node closes the port and ends" if done else f"{text}; the node ends"
 
     def _on_set_pose(self, message: PoseWithCovarianceStamped) -> None:

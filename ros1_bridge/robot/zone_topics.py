@@ -14,6 +14,7 @@ from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import assumes_sonars
+from mrl_driver.waits import wait_until
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.control.planner_limit import PlannerLimit
 from ros1_bridge.control.zone_feed import MountFinder, ZoneWatch, assumed_twist
@@ -88,7 +89,7 @@ class ZoneTopics:
         """Let the planner know how fast the zones allow it to drive ahead."""
         zones, planner = self._watch.zones, self._parameters.planner
         limit, due_s = limit_of(planner), -math.inf
-        while not self._ends.wait(STEP_S):
+        while not wait_until(self._ends.is_set, STEP_S):
             now = time.monotonic()
             if now < due_s:
                 continue

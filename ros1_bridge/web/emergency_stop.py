@@ -5,6 +5,8 @@ import threading
 import time
 from typing import Callable, Tuple
 
+from mrl_driver.waits import later
+
 AGAIN_S = 0.5
 """A stop that the node did not confirm is asked for again after this time; with N calls under way, after N times as
 much [s].
@@ -81,9 +83,7 @@ class EmergencyStop:
             self._calls += 1
             threading.Thread(target=self._ask, args=(service, wish), name=service, daemon=True).start()
         if service == STOP:
-            again = threading.Timer(AGAIN_S * self._calls, self._ask_again, (wish,))
-            again.daemon = True
-            again.start()
+            later(AGAIN_S * self._calls, self._ask_again, wish)
 
     def _ask_again(self, wish: int) -> None:
         with self._lock:

@@ -169,6 +169,21 @@ def test_nothing_in_the_driver_asks_for_the_time_of_day():
     }
 
 
+def test_a_wall_clock_that_is_set_back_holds_up_no_wait(cable, monkeypatch, tmp_path):
+    """Before Python 3.11 the time-outs of `threading` come hours later; here they never come."""
+    wait, file = threading.Condition.wait, tmp_path / "drive.txt"
+    monkeypatch.setattr(threading.Condition, "wait", lambda condition, timeout=None: wait(condition))
+    with Driver(cable.path, options=Options(reconnect=True, record=str(file))) as robot:
+        assert not robot.wait(0.01)
+        wait_until(lambda: " < " in file.read_text())
+        for _ in range(100):  # more than may wait for the line
+            robot.request(30)
+        cable.unplug()
+        wait_until(lambda: not robot.ready)
+        cable.plug()
+        wait_until(lambda: robot.ready)
+
+
 @pytest.fixture
 def robot(serve):
     """Drives at 0.2 m/s."""
