@@ -14,6 +14,7 @@ from mrl_driver.errors import LinkLost, MrlError
 from mrl_driver.lock_order import ORDER, VARIABLE, new_lock
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.transport.link import LOCKS
+from mrl_driver.waits import later
 from tests.call_lists import ROOT
 from tests.waiting import PATIENCE_S, drive_until, wait_until
 
@@ -376,3 +377,10 @@ def test_no_event_is_waited_for_with_a_time_out():
             names = "|".join(filter(None, (name for found in events for name in found)))
             assert "threading.Timer(" not in text, path
             assert not names or not re.search(rf"\b({names})\.wait\([^)]", text), path
+
+
+def test_the_end_of_a_program_does_not_wait_for_what_comes_later():
+    called = threading.Event()
+    later(0.0, called.wait)
+    assert [each.daemon for each in threading.enumerate() if each.name == "later"] == [True]
+    called.set()

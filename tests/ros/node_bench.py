@@ -171,7 +171,7 @@ class Bench:
     """The node on an emulated robot; `run` returns its exit code.  Time passes in its turns, and in `sleep`."""
 
     def __init__(self, patch):
-        self.driver, self.opened, self.timers, self.handlers = None, None, [], {}
+        self.driver, self.opened, self.handlers = None, None, {}
         self.turns, self.sleeps = [], []  # times that the node's loop waited, and that it slept [s]
         self.before, self._due = lambda: None, []  # `before` is called before the driver connects
         self.ros = Ros(patch, self.now)
@@ -185,7 +185,7 @@ class Bench:
             "Commander": lambda driver: Commander(driver, self.now),
             "Publishers": partial(Publishers, monotonic=self.now),
             "MasterWatch": self._watch,
-            "threading": SimpleNamespace(Timer=self._timer),
+            "later": self.later,
             "LOG": {level: getattr(rospy, say.__name__) for level, say in robot_node.LOG.items()},
             "gc": SimpleNamespace(
                 collect=lambda: self.memory.append("collect"),
@@ -225,10 +225,6 @@ class Bench:
 
     def _advise(self, address, size, advice):
         self.memory.append((address.value, size.value, advice))
-
-    def _timer(self, after_s, act, args):
-        self.timers.append(SimpleNamespace(start=lambda: self.later(after_s, act, *args), daemon=False))
-        return self.timers[-1]
 
     def later(self, after_s, act, *args):
         self._due.append((self.now() + after_s, lambda: act(*args)))

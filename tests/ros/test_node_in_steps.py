@@ -40,9 +40,10 @@ from mrl_driver.robot.radio import RadioNode
 from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import Awaited, Lost, Ready
 from ros1_bridge.control.commander import Commander
+from ros1_bridge.node import run_node
 from ros1_bridge.node.parameters import Row
 from ros1_bridge.node.robot_parameters import check
-from ros1_bridge.node.run_node import RESPAWN
+from ros1_bridge.node.run_node import RESPAWN, RETRY_S
 from ros1_bridge.robot import reconfigure, zone_topics
 from ros1_bridge.robot.reconfigure import Description
 from ros1_bridge.robot.robot_node import driver_options
@@ -90,7 +91,7 @@ def test_topics_and_services_are_those_of_the_readme(node):
     assert kinds(ros.services) == first_two(table("### Services", "service"))
 
 
-def test_dynamic_reconfigure_comes_later_and_the_end_of_the_node_does_not_wait_for_it(node):
+def test_dynamic_reconfigure_comes_later(node):
     def script():
         yield from turns(9)
         assert "~limits/set_parameters" not in node.ros.services
@@ -98,7 +99,6 @@ def test_dynamic_reconfigure_comes_later_and_the_end_of_the_node_does_not_wait_f
         assert "~limits/set_parameters" in node.ros.services
 
     node.run(script)
-    assert [timer.daemon for timer in node.timers] == [True]
 
 
 def test_a_command_waits_for_no_other_and_for_no_full_packet(node):
@@ -624,10 +624,10 @@ def test_only_a_node_with_commands_needs_a_master_that_answers(node, parts, code
 def test_a_node_with_a_wrong_parameter_is_not_started_again_and_again(node, monkeypatch, respawn, waits):
     """roslaunch would start it again whatever its exit code is; the shutdown ends the wait."""
     monkeypatch.setenv(RESPAWN, respawn)
-    hooks = []
-    monkeypatch.setattr(rospy, "on_shutdown", lambda hook: (hooks.append(hook), hook()))
+    waited = []
+    monkeypatch.setattr(run_node, "wait_until", lambda *args: waited.append(args))
     assert node.run(given={"parts": "wings"}) == 2
-    assert len(hooks) == 1 + waits, "each node has one"
+    assert waited == [(rospy.is_shutdown, RETRY_S)] * waits
     assert len(node.lines("; it is tried again in 30 s")) == waits
     assert node.levels("parts is 'wings'") == ["fatal"]
 

@@ -18,6 +18,7 @@ from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recorded_link import DriverRecording
 from mrl_driver.session.events import Lost, Reconnected
 from mrl_driver.session.handshake import Handshake
+from mrl_driver.waits import wait_until
 from ros1_bridge.control.commander import Commander
 
 from .board import ExploredBoard
@@ -214,7 +215,7 @@ class World:
         clock, lock = Clock(self), Lock(self)
         module: Any = connection_module
         kind: Any = Handshake
-        module.time, module.now_s = clock, clock.monotonic
+        module.time, module.now_s, module.wait_until = clock, clock.monotonic, lock.wait_for
         kind._program = lambda handshake: Steps(handshake, PROGRAM)
         options = Options(command_timeout_s=timeout_s, period_ms=period_ms, reconnect=True)
         self.driver = driver = _Driver(PORT, "traxbot", options=options)
@@ -233,7 +234,7 @@ class World:
         """Give the driver's module its clock back, for those who use it after this world."""
         module: Any = connection_module
         kind: Any = Handshake
-        module.time, module.now_s, kind._program = _TIME, _NOW_S, PROGRAM
+        module.time, module.now_s, module.wait_until, kind._program = _TIME, _NOW_S, wait_until, PROGRAM
 
     # -- start
 
