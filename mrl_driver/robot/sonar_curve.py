@@ -51,11 +51,6 @@ class SonarFit(NamedTuple):
     errors_m: np.ndarray
     used: np.ndarray
 
-    @property
-    def worst_m(self) -> float:
-        """Largest error of the readings used."""
-        return float(np.abs(self.errors_m[self.used]).max())
-
 
 def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> SonarFit:
     """The curve through readings of a wall; single readings that missed the wall are left out.

@@ -1,6 +1,7 @@
 """`mrl calibrate` as a whole, on emulated boards in simulated time."""
 
 import contextlib
+import itertools
 import json
 import math
 import os
@@ -195,12 +196,46 @@ def test_counts_that_jump_spoil_the_run(lab, tmp_path):
 
 def test_sonar_curve_is_fitted_to_a_wall_and_saved_on_the_board(lab):
     """Front sonar 0.10 m ahead of base_link, wall at x = 2 m."""
-    lab.options = {"pose": "0.4,0,0", "sonar": "noise=0.01", "footprint": "box"}
+    lab.options = {"pose": "0.4,0,0", "sonar": "noise=0.01,missed=0.1", "footprint": "box"}
     sonar = ("sonar", "--start", 1.5, "--step", 0.15, "--yes", "--eeprom", "--plot", "curve.png", "--json")
     code, out, lines = lab.mrl(*sonar)
     assert code == 0 and json.loads(out)["r2"] > 0.999, lines
     board = models.load("traxbot-1.yaml").board
     assert lab.emulated.engine.config["sonar_a"] == board["sonar_a"] != 11767
+
+
+def test_the_error_of_a_sonar_curve_is_that_of_what_the_board_can_store(lab, tmp_path):
+    """The least squares need a = 3.94; the board stores at most 3.2767."""
+    distances_m, steep = np.arange(0.2, 2.01, 0.05), Curve(3.1455, 1.3271, 0.7707)
+    counts = np.round(steep.counts(distances_m))
+    rows = zip(distances_m, THESIS.range_m(counts))
+    (tmp_path / "wall.csv").write_text("".join(f"{distance},{reading}\n" for distance, reading in rows))
+    sonar = ("sonar", "--robot", "traxbot", "--points", "wall.csv", "--output", "a.yaml", "--yes", "--json")
+    code, out, lines = lab.mrl(*sonar)
+    board = models.load("a.yaml").board
+    stored = Curve(*(board[name] / 1e4 for name in models.CURVE_KEYS))
+    worst_m = np.abs(stored.range_m(counts) - distances_m).max()
+    assert code == 0 and worst_m > 0.3, lines
+    assert json.loads(out)["worst_m"] == pytest.approx(worst_m, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "seen, words", [((math.nan, 0.4, 0.4), "measures 0.40 m"), ((math.nan,), "gives no reading")]
+)
+def test_a_front_sonar_that_often_gives_no_reading_does_not_let_the_robot_drive(
+    lab, monkeypatch, seen, words
+):
+    readings = itertools.cycle(seen)
+    lab.options = {"pose": "0.4,0,0", "footprint": "box"}
+    wait = SteppedDriver.wait
+
+    def then_read(robot, seconds):
+        wait(robot, seconds)
+        robot.telemetry.ranges["front"] = next(readings)
+
+    monkeypatch.setattr(SteppedDriver, "wait", then_read)
+    assert f"the front sonar {words}" in lab.refused("sonar", "--start", 1.5, "--step", 0.15, "--yes")
+    assert lab.pose().x_m == pytest.approx(0.4, abs=END_M)
 
 
 def test_gains_are_suggested_and_the_ramp_comes_back(lab):

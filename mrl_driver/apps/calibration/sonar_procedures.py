@@ -83,15 +83,17 @@ def require_sonars(robot: Driver) -> None:
 
 
 def _require_free_path(robot: Driver, distance_m: float) -> None:
-    """Refuse to drive on if the wall is much closer than expected, by more than any error of a sonar."""
+    """Refuse to drive on if the wall is much closer than expected, by more than any error of a sonar, or unseen."""
     readings = []
     for _ in range(READINGS):
         robot.wait(STOP_S / READINGS)
         readings.append(robot.telemetry.ranges.get("front", np.nan) if robot.telemetry else np.nan)
-    range_m = float(np.median(readings))
-    if range_m < MIN_RANGE_SHARE * distance_m:
+    valid = sorted(each for each in readings if not math.isnan(each))
+    range_m = valid[len(valid) // 2] if valid else math.nan
+    if not range_m >= MIN_RANGE_SHARE * distance_m:
+        got = f"measures {max(range_m, 0.0):.2f} m" if valid else "gives no reading"
         raise ConfigError(
-            f"the front sonar measures {max(range_m, 0.0):.2f} m, expected about {distance_m:.2f} m to the wall: "
+            f"the front sonar {got}, expected about {distance_m:.2f} m to the wall: "
             "measure --start from the sonar to the wall, and clear the path"
         )
 
@@ -111,7 +113,8 @@ def readings_at_stops(rows: np.ndarray, drive: Drive, start_m: float) -> Points:
         if not len(stopped_s) or stopped_s[-1] < STOP_S - 0.2:
             continue
         ranges_here = rows[begin:end, 3][stopped_s >= FRESH_S]
-        ranges.append(float(np.median(np.where(np.isfinite(ranges_here), ranges_here, np.nan))))
+        range_m = float(np.median(np.where(np.isfinite(ranges_here), ranges_here, np.inf)))
+        ranges.append(range_m if math.isfinite(range_m) else math.nan)  # NaN only if most echoes are missing
         distances.append(start_m - float(travelled_m[begin]))
     return ranges, distances
 
@@ -248,12 +251,15 @@ def _fitted(readings: Points, present: Curve, model: RobotModel, output: str) ->
     ranges, truth = (np.array(each) for each in readings)
     counts = present.counts(ranges)
     fit = sonar_curve.fit(counts.tolist(), readings[1])
-    wire, off_m = fit.curve.on_wire(), float(np.abs(ranges - truth)[fit.used].max())
+    wire = fit.curve.on_wire()
+    before_m, after_m = (
+        float(np.abs(curve.range_m(counts) - truth)[fit.used].max()) for curve in (present, wire)
+    )
     lines = [
-        f"before: {_formula(present)}, worst error {off_m * 100:.1f} cm",
-        f"after:  {_formula(wire)}, worst error {fit.worst_m * 100:.1f} cm, R2 {fit.r2:.5f}, {len(truth)} distances",
+        f"before: {_formula(present)}, worst error {before_m * 100:.1f} cm",
+        f"after:  {_formula(wire)}, worst error {after_m * 100:.1f} cm, R2 {fit.r2:.5f}, {len(truth)} distances",
     ]
-    facts = {"before": present._asdict(), "after": wire._asdict(), "r2": fit.r2, "worst_m": fit.worst_m}
+    facts = {"before": present._asdict(), "after": wire._asdict(), "r2": fit.r2, "worst_m": after_m}
     values = {("board", name): value for name, value in curve_values(fit.curve).items()}
     return Result("sonar", model, output, values, lines, facts, partial(_draw, counts, truth, fit))
 
