@@ -56,6 +56,12 @@ PARAMETERS = (
 """The node's private parameters."""
 
 
+def clock_s() -> float:
+    """A clock that is not set [s], unless time is simulated."""
+    now_s: float = time.monotonic() if rospy.rostime.is_wallclock() else rospy.get_time()
+    return now_s
+
+
 class OdometryGap:
     """Judges odometry that comes late, for one goal; `limits` are the largest speeds of the robot."""
 
@@ -93,7 +99,7 @@ class GoToGoal:
         self._limits = Limits(given["linear_speed"], given["angular_speed"], math.inf, math.inf)
         self._avoid, self._patience_s = given["avoid"], given["patience"]
         self._odometry: Optional[Odometry] = None
-        self._odometry_s = -math.inf
+        self._odometry_s = self._newest_s = -math.inf
         self._located = threading.Event()
         self._ranges: Dict[str, Tuple[float, Range, float]] = {}  # of each sonar: range, message, time
         self._odometry_age = StampAge(ODOM_LATE_S)
@@ -161,6 +167,9 @@ class GoToGoal:
 
     def _on_odometry(self, message: Odometry) -> None:
         now_s, stamp_s = rospy.get_time(), message.header.stamp.to_sec()
+        if now_s < self._newest_s:
+            self._bound_stamps(rospy.Time.from_sec(now_s))
+        self._newest_s = now_s
         try:
             planar(message.pose.pose)
             trouble = self._odometry_age.trouble(stamp_s, now_s, time.monotonic())
@@ -169,8 +178,17 @@ class GoToGoal:
         if trouble:
             rospy.logwarn_throttle(WARN_EVERY_S, f"odometry not used: {trouble}")
             return
-        self._odometry, self._odometry_s = message, min(stamp_s, now_s)
+        self._odometry, self._odometry_s = message, clock_s() - max(0.0, now_s - stamp_s)
         self._located.set()
+
+    def _bound_stamps(self, now: rospy.Time) -> None:
+        """The clock was set back: actionlib would refuse goals until it is past the last one and the last cancel."""
+        server = self._server.action_server
+        with server.lock, self._server.lock:
+            server.last_cancel = min(server.last_cancel, now)
+            for handle in (self._server.current_goal, self._server.next_goal):
+                if handle.get_goal():
+                    handle.get_goal_id().stamp = min(handle.get_goal_id().stamp, now)
 
     def _on_range(self, message: Range, name: str) -> None:
         """Take a range; one that is not fresh counts as not valid, so that the robot does not drive by it."""
@@ -179,7 +197,7 @@ class GoToGoal:
         if trouble:
             rospy.logwarn_throttle(WARN_EVERY_S, f"range of {name} not used: {trouble}")
         range_m = math.nan if trouble else message.range
-        self._ranges[name] = range_m, message, min(stamp_s, now_s)
+        self._ranges[name] = range_m, message, clock_s() - max(0.0, now_s - stamp_s)
 
     def _on_manual_mode(self, message: Bool) -> None:
         """Note the mode; robot_node cancels the goal when it changes."""
@@ -236,7 +254,7 @@ class GoToGoal:
     def _seek(self, target: Pose) -> None:
         """Drive until the goal is reached or given up."""
         rate = rospy.Rate(RATE_HZ)
-        begun_s = rospy.get_time()
+        begun_s = clock_s()
         seeker = GoalSeeker(target, self._limits, begun_s, self._sonars, self._patience_s)
         gap = OdometryGap(self._limits)
         if self._avoid:
@@ -268,7 +286,7 @@ class GoToGoal:
 
     def _drive(self, seeker: GoalSeeker, gap: OdometryGap, begun_s: float) -> bool:
         """Do one step of a goal that began at `begun_s`; False if it has ended."""
-        odometry, now_s = self._odometry, rospy.get_time()
+        odometry, now_s = self._odometry, clock_s()
         assert odometry is not None
         pose = planar(odometry.pose.pose)
         if not gap.update(pose, self._odometry_s, now_s):
@@ -276,7 +294,7 @@ class GoToGoal:
                 rospy.logwarn_throttle(WARN_EVERY_S, f"the robot waits: no odometry for {ODOM_LATE_S:g} s")
             self._cmd_vel.publish(Twist())
             return not gap.why
-        if odometry.header.stamp.to_sec() < begun_s:  # a reset may lie between them
+        if self._odometry_s < begun_s:  # a reset may lie between them
             return True
         ranges = self._placed_ranges(odometry.child_frame_id, now_s) if self._avoid else {}
         linear, angular = seeker.command(pose, ranges, now_s)

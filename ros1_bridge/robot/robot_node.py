@@ -44,7 +44,7 @@ from ros1_bridge.status.link_report import ERROR, OK, WARN, News
 from ros1_bridge.status.markers import Markers
 from ros1_bridge.status.robot_status import StatusTeller
 from ros1_bridge.topics.board_topics import BoardTopics
-from ros1_bridge.topics.publishers import Publishers
+from ros1_bridge.topics.publishers import JUMP_S, Publishers
 from ros1_bridge.topics.typed_messages import REBUILD, is_other_version
 
 from .command_topics import CommandTopics, Connected, nodes_on
@@ -101,7 +101,7 @@ class RobotNode:
         """Raises ConfigError if the robot model is unknown or wrong; `run` opens the port."""
         self._parameters = parameters
         self._driver = Driver(parameters.port, parameters.robot, parameters.baud, driver_options(parameters))
-        self._battery_state = ""
+        self._battery_state, self._ahead_s = "", -math.inf
         self._news = News()
         self._lacking = 0  # Lines that are known to be missing in the recording
         self._zones: Optional[ZoneTopics] = None
@@ -141,7 +141,7 @@ class RobotNode:
             parameters,
             model,
             time.time if rospy.rostime.is_wallclock() else rospy.get_time,
-            note_clock=driver.recorder.note_clock,
+            note_clock=self._note_clock,
         )
         topics = BoardTopics(driver, publishers, rospy.Publisher, parameters, rospy.Time.now)
         if parameters.zones != "none":
@@ -328,6 +328,16 @@ class RobotNode:
             with contextlib.suppress(MrlError):
                 self._commander.end_goals()
         self._status.tell()
+
+    def _note_clock(self, ahead_s: float) -> None:
+        self._driver.recorder.note_clock(ahead_s)
+        back_s, self._ahead_s = self._ahead_s - ahead_s, ahead_s
+        if back_s > JUMP_S:
+            self._commander.cancel_goals(False)  # with the new time, for planners that start from now on
+            rospy.logwarn(
+                f"the clock was set back by {back_s:.0f} s: restart planners such as move_base, or they refuse goals "
+                "until it has caught up"
+            )
 
     def _on_battery(self, board: Board) -> None:
         state, before = self._driver.battery_state, self._battery_state

@@ -113,9 +113,9 @@ class EnvironmentMap:
             self._warn(variable.title, str(error))
 
     def _begin_again_if_back(self, stamp: rospy.Time) -> None:
-        """A clock that jumps back is that of a bag that begins again, with poses and readings of its own."""
+        """A simulated clock that jumps back is that of a bag that begins again, with poses and readings of its own."""
         with self._lock:
-            back = stamp + rospy.Duration(TF_TIMEOUT_S) < self._newest
+            back = stamp + rospy.Duration(TF_TIMEOUT_S) < self._newest and not rospy.rostime.is_wallclock()
             self._newest = stamp if back else max(stamp, self._newest)
             if back:
                 self._cells, self._changed = self._no_cells(), True

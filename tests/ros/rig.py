@@ -182,6 +182,25 @@ class Rig:
         self._ends: List[Callable[[], None]] = []
         self._cmd_vel: Any = None
 
+    def wall_clock(self, patch: Any) -> Callable[[float], None]:
+        """What sets the wall clock of this process, and of Python programs that start from now on, ahead [s]."""
+        folder, real = self._folder / "clock", time.time
+        folder.mkdir()
+        ahead, new = folder / "ahead", folder / "new"
+
+        def set_ahead(ahead_s: float) -> None:
+            new.write_text(f"{ahead_s}")
+            new.replace(ahead)
+
+        (folder / "sitecustomize.py").write_text(
+            "import pathlib, time\nreal = time.time\n"
+            f"time.time = lambda: real() + float(pathlib.Path({str(ahead)!r}).read_text())\n"
+        )
+        set_ahead(0.0)
+        self.env = {**self.env, "PYTHONPATH": f"{folder}:{self.env.get('PYTHONPATH', '')}"}
+        patch.setattr(time, "time", lambda: real() + float(ahead.read_text()))
+        return set_ahead
+
     def start(self, name: str, *command: str) -> Child:
         """Start a program."""
         child = Child(name, command, self._folder / f"{name}_{len(self._ends)}.log", self.env, ROOT)

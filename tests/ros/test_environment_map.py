@@ -109,6 +109,16 @@ def test_a_clock_that_jumps_back_begins_the_map_again(rig, monkeypatch):
     clock.unregister()
 
 
+def test_a_wall_clock_that_is_set_back_leaves_the_map(rig, monkeypatch):
+    set_ahead = rig.wall_clock(monkeypatch)
+    survey = Survey(rig)
+    here, there = (0.17, 0.1), (1.17, 0.1)
+    survey.until(lambda: survey.cells("alcohol alert") == [here], 0.1, 0.1, survey.alcohol, UInt16(160))
+    set_ahead(-3600.0)
+    survey.until(lambda: there in survey.cells("alcohol alert"), 1.1, 0.1, survey.alcohol, UInt16(160))
+    assert survey.cells("alcohol alert") == [here, there]
+
+
 @pytest.mark.parametrize("title", [each.title for each in VARIABLES])
 def test_thresholds_in_the_wrong_order_are_refused_by_name(title):
     given = {row.name: row.default for row in environment_map_node.PARAMETERS}

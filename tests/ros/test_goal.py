@@ -229,6 +229,19 @@ def test_follow_waypoints_drives_through_its_list_and_stops_the_robot_when_it_en
     wait_until(lambda: twists.messages[-1] == Twist())
 
 
+def test_goals_are_reached_though_the_wall_clock_is_set(rig, monkeypatch):
+    set_ahead = rig.wall_clock(monkeypatch)
+    rig.node(rig.board().port)
+    rig.program("go_to_goal", "_avoid:=false")
+    twists, client = rig.topic("cmd_vel", Twist), client_of(rig.ns)
+    for ahead_s, x in ((7 * 86400.0, 0.3), (0.0, 0.6), (0.0, 0.9)):
+        client.send_goal(MoveBaseGoal(goal(rig, x, 0.0)))
+        twists.wait_for_more(5)
+        set_ahead(ahead_s)
+        wait_until(lambda: client.get_state() not in UNDER_WAY)
+        assert client.get_state() == SUCCEEDED, client.get_goal_status_text()
+
+
 def test_node_that_ends_while_it_drives_ends_in_peace(robot):
     """It has a namespace of its own, so that no client takes a node that has ended for the next one."""
     ns, twists = f"{robot.ns}/ending", robot.topic("cmd_vel", Twist)

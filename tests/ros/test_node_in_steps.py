@@ -50,6 +50,7 @@ from ros1_bridge.robot.robot_node import driver_options
 from tests.models import without_encoders
 from tests.waiting import wait_until
 
+from . import node_bench
 from .node_bench import NAME, PORT, ROS_S, WALL_S, Bench
 from .tables import first_two, table
 
@@ -736,6 +737,20 @@ def test_stamps_are_times_of_the_clock_of_ros(node, wall):
     for topic in ("odom", "robot_status"):
         stamp_s = node.sent(topic)[-1].header.stamp.to_sec()
         assert stamp_s == pytest.approx((WALL_S if wall else ROS_S) + node.now(), abs=1.0)
+
+
+def test_planners_that_start_after_the_clock_was_set_back_take_goals(node, monkeypatch):
+    """actionlib refuses goals that are older than the last cancel, which is latched."""
+
+    def script():
+        yield from turns(2)
+        monkeypatch.setattr(node_bench, "WALL_S", WALL_S - 3600.0)
+        yield from turns(2)
+
+    node.run(script)
+    latched_s = node.sent("move_base/cancel")[-1].stamp.to_sec()
+    assert latched_s == pytest.approx(WALL_S - 3600.0 + node.now(), abs=1.0)
+    assert node.levels("the clock was set back by 3600 s") == ["warn"]
 
 
 def test_a_subscriber_that_breaks_off_does_not_end_the_node(node):
