@@ -17,6 +17,8 @@ from pymdownx.slugs import slugify
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 COPIED = {".png", ".svg", ".json", ".xml"}
 """Files that a browser shows or a program loads."""
+BOOSTS = {"docs/troubleshooting.md": 4, "api/": 0.5, "tests/": 0.5}
+"""Of a document or a folder in the search: who looks for a message or its code wants the remedy first."""
 _LINK = re.compile(r"\]\(([^)\s#]+)")
 
 
@@ -43,7 +45,10 @@ def on_files(files: Files, config: MkDocsConfig) -> None:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Links to sources lead to their pages."""
+    """Links to sources lead to their pages, and the search puts pages in order."""
+    for begin, boost in BOOSTS.items():
+        if page.file.src_uri.startswith(begin):
+            page.meta.setdefault("search", {"boost": boost})
 
     def to_page(link: "re.Match[str]") -> str:
         is_source = files.get_file_from_path(_target(page.file.src_uri, link[1]) + ".md")
