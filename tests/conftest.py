@@ -144,8 +144,9 @@ def _keep_tier(config, items):
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_finish():
-    """The tests stay to the end, so no later look for cycles goes through them."""
+    """The tests stay to the end, so no later look for cycles goes through them; there are few cycles to look for."""
     gc.freeze()
+    gc.set_threshold(50_000)
     gc.enable()
 
 
