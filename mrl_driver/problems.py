@@ -126,8 +126,8 @@ eeprom: The EEPROM configuration was damaged
 wiring: The bridge or its wiring is not set
   cause: A board with an H-bridge does not know its bridge, pins or wires, or a pin cannot do what it is for, or the
     wheels are too slow, or have too few or too many counts, for its control.
-  remedy: store the robot's file with: mrl flash --robot FILE, and mrl set-id ID --robot FILE; then run
-    mrl calibrate wiring --port PORT
+  remedy: store the robot's file with: mrl flash --robot FILE --port PORT, and
+    mrl set-id ID --robot FILE --port PORT; then run mrl calibrate wiring --port PORT
 sensor: An environment sensor does not answer
   cause: The sensor has answered since the start, and does not any more.
   remedy: check the I2C wires and power of the thermopile (0x68) and the compass (0x60)
@@ -140,7 +140,8 @@ build: taken as sonar: a board of 2013 does not report it
 parameters: VALUE on the board, VALUE in the model NAME
   also: set on this board, but not in the model NAME
   cause: A parameter in the board's EEPROM is not that of the robot's model. The message says what follows from it.
-  remedy: if the model is right, set the parameter with mrl config set; if the board is, correct the robot's file
+  remedy: if the model is right, run mrl config set NAME VALUE --port PORT; if the board is, correct
+    the robot's file
 brown_out: The board restarted because its supply dropped
   cause: The 5 V of the board fell too low, most often because of a weak USB cable, or of a load on the 5 V pin.
   remedy: check USB cable and hub, and every other load on the board's 5 V
@@ -163,7 +164,7 @@ board_silent: The board sent nothing for a while
     mrl doctor --report --port PORT
 debug_text: The board sends text between its frames
   cause: Debug mode is on, or the sketch prints. Text delays telemetry and commands.
-  remedy: turn its debug mode off with the request set_debug 0, or remove prints from the sketch
+  remedy: connect again, which turns debug mode off; if text stays, remove prints from the sketch
 # Battery and motor power
 battery_off: motor power is off
   also: Motor power was off
@@ -188,7 +189,8 @@ no_battery: not measured
 no_odometry: none: the motors have no encoders
   cause: The robot's file says so (`wiring.no_encoders`). Its motors turn by their duty alone, and nobody knows how far.
     The robot stops as any other, but no wheel is watched.
-  remedy: fit encoders, name their pins in the robot's file, and store them with: mrl flash --robot FILE
+  remedy: fit encoders, name their pins in the robot's file, and store them with:
+    mrl flash --robot FILE --port PORT
 undervoltage: The battery fell below the parameter undervoltage
   also: stopped: the battery fell below the parameter undervoltage
   cause: The board stopped the robot to protect the battery. It refuses to move until the voltage is a sixteenth
@@ -242,16 +244,17 @@ wheel_slow: The SIDE wheel is slower than asked
   remedy: check that it turns freely, its motor's wires, and the battery under load
 speed_scale: The robot does not drive as fast as asked
   cause: Wheel size, gearbox or encoder counts in the board differ from those of the robot model.
-  remedy: compare the robot's YAML with the board's parameters: mrl doctor, mrl config; then: mrl calibrate
+  remedy: compare the robot's YAML with the board's parameters with: mrl doctor --port PORT
 wheel_ratio: The SIDE wheel is larger than the other one
   cause: The gyro shows that the robot turns while the wheels count the same.
   remedy: check tyres and tracks, then run: mrl calibrate straight --port PORT
 track_width: The robot does not turn as far as its wheels say
   cause: Wheel separation or wheel size in the model is wrong, or the wheels slip in turns.
-  remedy: run mrl calibrate straight, then: mrl calibrate turn
+  remedy: run mrl calibrate straight --port PORT, then: mrl calibrate turn --robot FILE --port PORT
 wheel_size: The robot does not drive as far as its wheels say
   cause: The walls that the sonars see fit together for another wheel size, or another curve of the sonars.
-  remedy: measure a straight line: mrl calibrate straight; then the sonars: mrl calibrate sonar
+  remedy: measure a straight line: mrl calibrate straight --port PORT; then the sonars:
+    mrl calibrate sonar --robot FILE --port PORT
 slip: SIDE slipped
   cause: The gyro and the wheels disagree: a wheel turned without moving the robot as far.
   remedy: clean the wheels and the floor, check the wheel's hub and its load, and accelerate more gently
@@ -262,7 +265,8 @@ pushing: The robot pushed against an obstacle
 clamped: The board reduced commands to its speed ceiling
   also: clamped VALUE commands
   cause: Commands were faster than the board's own ceilings allow.
-  remedy: command lower speeds, or raise linear_ceiling with: mrl config set
+  remedy: command lower speeds, or raise linear_ceiling with:
+    mrl config set linear_ceiling VALUE --port PORT
 # Sonars
 sonar_dead: The NAME sonar gave no reading
   cause: Nothing is connected, or its input is saturated.

@@ -7,7 +7,9 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from mrl_driver.apps.measure.rows import KINDS
 from mrl_driver.cli.main import cli
+from mrl_driver.problems import PROBLEMS
 from sim_arduino.serve.main import parser
 
 from .blocks import ROOT, blocks
@@ -95,6 +97,25 @@ def test_mrl_is_run_or_parsed(words, request):
             parse(cli, words)
         except click.exceptions.Exit as ended:
             assert ended.exit_code == 0
+
+
+def test_a_command_of_a_remedy_is_whole():
+    """Those that need a port name one, and all that they need."""
+    values = {"PORT": PORT, "FILE": "gas.yaml", "NAME": "kp", "VALUE": "700", "ID": "1"}
+    commands = [
+        found.split()
+        for remedy in [
+            *(each.remedy for each in PROBLEMS.values()),
+            *(each.command for each in KINDS.values()),
+        ]
+        for found in re.findall(r"(?:: |run |and )mrl ([^;,(]*)", remedy)
+    ]
+    needless = ("ports", "system", "web")
+    for words in commands:
+        assert words[0] in needless or words[-2:] == ["--port", "PORT"], words
+        if words[0] not in needless:
+            parse(cli, [values.get(word, word) for word in words])
+    assert len(commands) > 20
 
 
 @of("mrl-sim")

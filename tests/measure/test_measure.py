@@ -135,6 +135,7 @@ def test_what_was_not_reached_is_worse_in_each_direction(key):
 
 def test_causes_that_explain_others_are_named_alone():
     rows = [Row("turnaround_info_us", 9000.0), Row("host_late_ms", 80.0), Row("delay_ms", 80.0)]
+    rows.append(failed("wheels_alike", "no data arrived from the robot", "no_telemetry"))
     assert [each.code for each in causes(rows)] == ["late_host"]
 
 
@@ -149,7 +150,8 @@ def test_a_terminal_shows_each_row_with_its_verdict():
     text = "\n".join(report.lines(result()))
     assert "worse by 249 ms" in text and "not measured: nobody was there" in text and REPORTED in text
     assert text.endswith(
-        "1 of 3 rows are worse; first likely cause: no_watchdog: upload the current firmware with: mrl flash"
+        "1 of 3 rows are worse; first likely cause: no_watchdog: upload the current firmware with: mrl flash "
+        "--port PORT"
     )
 
 

@@ -126,7 +126,8 @@ def uncorrected(robot: Driver, bridge: int, single_channel: bool, kept: Iterable
         problem = robot.parameters.wiring_problem()
         if problem:
             raise BoardRefused(
-                f"{problem}; store the robot's file with: mrl flash --robot FILE, and mrl set-id ID --robot FILE"
+                f"{problem}; store the robot's file with: mrl flash --robot FILE --port PORT, "
+                "and mrl set-id ID --robot FILE --port PORT"
             )
         yield
     except BaseException:

@@ -45,8 +45,7 @@ TURNAROUNDS = {f"turnaround_{name}_us": row for name, row in _REQUESTS.items()}
 OLD_TURNAROUNDS = {f"turnaround_{name}_us": _REQUESTS[name] for name in _WITH_FIGURE[:2]}
 """Those of boards of 2013; sonars took ten times as long in January as in August."""
 _SHARE = "share of the error that the model allows"
-_FLASH = "upload the current firmware with: mrl flash"
-_GAINS = "check that both wheels turn freely, then run: mrl calibrate gains"
+_GAINS = "check that both wheels turn freely, then run: mrl calibrate gains --port PORT"
 
 KINDS: Dict[str, Kind] = {
     "first_answer_s": Kind(LINE, "port opened to the first answer", "s", 5.0, "board_timeout"),
@@ -69,7 +68,7 @@ KINDS: Dict[str, Kind] = {
     "clock_percent": Kind(LINE, "board time against this computer's clock", "%", 0.5, "board_stalled"),
     "delay_ms": Kind(LINE, "delay of a frame beyond the shortest one, p99", "ms", 50.0, "slow_line"),
     "watchdog_ms": Kind(LINE, "last byte to the watchdog's stop, watchdog 250 ms, by board time", "ms", 15.0,
-                        "no_watchdog", "firmware/watchdog_stop_ms_max", command=_FLASH),
+                        "no_watchdog", "firmware/watchdog_stop_ms_max"),
     "host_late_ms": Kind(HOST, "a wait of 20 ms ends late, p99", "ms", 50.0, "late_host"),
     "telemetry_hz": Kind(HOST, "telemetry of the driver", "Hz", 5.0, "slow_telemetry", more_is_better=True),
     "driver_delay_ms": Kind(HOST, "request to answer through the driver, median", "ms", 50.0, "slow_line"),
@@ -80,23 +79,22 @@ KINDS: Dict[str, Kind] = {
                     "reliability/link_loss_noticed_ms_max"),
     "return_s": Kind(HOST, "cable plugged in to working again", "s", 5.0, "board_timeout",
                      "reliability/reconnect_s_max"),
-    "sonar_wall": Kind(COURSE, "front sonar against a wall, 0.4 m closer", "mm", 0.0, "wheel_size",
-                       command="measure a straight line: mrl calibrate straight; then the sonars: mrl calibrate sonar"),
+    "sonar_wall": Kind(COURSE, "front sonar against a wall, 0.4 m closer", "mm", 0.0, "wheel_size"),
     "slowest_mm_s": Kind(COURSE, "slowest speed at which both wheels turn smoothly", "mm/s", 0.0, "wheel_slow",
                          command=_GAINS),
     "full_speed": Kind(COURSE, "full speed, reached within 3 s", "mm/s", 0.0, "wheel_slow", more_is_better=True,
                        command=f"charge the battery; {_GAINS}"),
     "wheels_alike": Kind(COURSE, "both wheels at the same speed, difference", "%", 0.0, "wheel_slow", command=_GAINS),
     "full_stop": Kind(COURSE, "stop from full speed", "mm", 0.0, "parameters",
-                      command="compare the board's parameters with the model: mrl doctor; let the wheels brake: "
-                      "mrl config set stop_mode 0"),
+                      command="compare the board's parameters with the model: mrl doctor --port PORT; let the wheels "
+                      "brake: mrl config set stop_mode 0 --port PORT"),
     "straight": Kind(COURSE, f"straight line of 1 m, {_SHARE}", "", 1.0, "wheel_ratio"),
     "turn": Kind(COURSE, f"two turns, {_SHARE}", "", 1.0, "track_width"),
     "sonars_alike": Kind(COURSE, "share of the turns in which the worst sonar saw something", "%", 0.0, "sonar_deaf",
                          more_is_better=True),
     "arc": Kind(COURSE, f"circle 0.5 m wide, {_SHARE}", "", 1.0, "slip"),
     "sideways": Kind(COURSE, f"0.5 m to the left, {_SHARE}", "", 1.0, "slip",
-                     command="mrl calibrate sideways"),
+                     command="run mrl calibrate sideways --port PORT"),
     "square": Kind(COURSE, f"square of 0.5 m, {_SHARE}", "", 1.0, "slip"),
 }  # fmt: skip
 
@@ -206,7 +204,10 @@ _ORDER = (
 """Causes that explain others come first: a busy computer delays answers, and damage costs frames, or without checksums
 makes counts jump."""
 _FOLLOWS = {
-    "late_host": {"usb_latency", "slow_line", "slow_telemetry", "requests_late"},
+    "late_host": {
+        *("usb_latency", "slow_line", "slow_telemetry", "requests_late"),
+        *("no_telemetry", "board_timeout", "command_timeout"),
+    },
     "bad_cable": {"slow_telemetry", "requests_late", "board_timeout", "encoder_noise"},
     "usb_latency": {"requests_late"},
     "wheel_ratio": {"wheel_size", "track_width", "slip"},
