@@ -138,7 +138,7 @@ def _board(driver: "Driver") -> Sequence[Row]:
     up = f"up {_span(status.uptime_s)}{warm}"
     return [
         Row("firmware", f"{driver.board.version}, {up}"),
-        *([Row("last stop", f"by {status.stop_reason.words}")] if has_motors(driver.model) else []),
+        *([Row("last stop", status.stop_reason.words)] if has_motors(driver.model) else []),
         Row("faults", faults or "none", "bold red" if faults else ""),
         *_imu(driver),
         *_inputs(driver),
