@@ -14,6 +14,7 @@ from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import Limits
+from mrl_driver.safety.message_age import clock_s
 from mrl_driver.safety.protective_zones import Zones
 from mrl_driver.safety.speed_limiter import FASTEST_MANUAL_M_S, reduced
 from mrl_driver.session.session import STALE_S
@@ -28,7 +29,7 @@ BLOCKING = (
 )  # fmt: skip
 """While one of them holds, no new command moves the robot."""
 LOST_S = 1.0
-"""After this time without telemetry the goals of planners end: the robot must not set off when the link is back [s]."""
+"""After this time without telemetry, or suspended, goals of planners end: the robot must not set off after it [s]."""
 REFUSALS = {
     StopReason.EMERGENCY_STOP: "the emergency stop is latched; call the service release_stop",
     StopReason.MOTORS_DISABLED: "the motors are disabled; call the service enable_motors with true",
@@ -64,6 +65,7 @@ class Commander:
         self._lock = new_lock("limits")
         self._limits: Optional[Limits] = None
         self._held = self._commanded = self._lost = False
+        self._slept_s = clock_s() - time.monotonic()
         self._stops = 0  # stops so far: a command that one of them overtakes is not in force
         self.late_commands = 0  # operators' commands that arrived too late to be followed
         self._wheels = WheelMotion(driver)
@@ -124,6 +126,7 @@ class Commander:
         if source is not None:
             # If one is not finite, the driver stops the robot.
             moves = any(speeds) and all(map(math.isfinite, speeds))
+            self._watch_suspension()
             if moves and not self.sources.may_move(source, now):
                 self.refuse(StopReason.COMMANDS_UNPAUSED)
                 return False
@@ -217,9 +220,17 @@ class Commander:
         if lost and not self._lost:
             self.end_goals()
         self._lost = lost
+        self._watch_suspension()
+
+    def _watch_suspension(self) -> None:
+        """End all goals if the computer was suspended: nobody expects the robot to set off when it is woken."""
+        before_s, self._slept_s = self._slept_s, clock_s() - time.monotonic()
+        if self._slept_s > before_s + LOST_S:
+            self.end_goals()
 
     def end_goals(self) -> None:
-        """The board was away or has restarted, and stands: no goal and no command of before moves the robot again.
+        """The board was away or has restarted, or the computer was suspended.  The robot stands, and no goal and no
+        command of before moves it again.
 
         Raises:
             MrlError: see `stop`; goals are ended nevertheless.

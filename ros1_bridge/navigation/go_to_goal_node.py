@@ -25,6 +25,7 @@ from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.goal_seeker import PATIENCE_S, GoalSeeker
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import NAMES
+from mrl_driver.safety import message_age
 from mrl_driver.waits import wait_until
 from ros1_bridge.node.cmd_vel import CmdVel, twist_of
 from ros1_bridge.node.parameters import Row, speed_rows
@@ -57,8 +58,8 @@ PARAMETERS = (
 
 
 def clock_s() -> float:
-    """A clock that is not set [s], unless time is simulated."""
-    now_s: float = time.monotonic() if rospy.rostime.is_wallclock() else rospy.get_time()
+    """A clock that is not set, and goes on while the computer is suspended [s]; of simulated time, if there is."""
+    now_s: float = message_age.clock_s() if rospy.rostime.is_wallclock() else rospy.get_time()
     return now_s
 
 

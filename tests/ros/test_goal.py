@@ -4,6 +4,7 @@ import itertools
 import math
 import re
 import signal
+import time
 from types import SimpleNamespace
 
 import actionlib
@@ -24,7 +25,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.navigation.claims import Claim, ClaimMessage
 from mrl_driver.robot.models import Limits
 from ros1_bridge.navigation.follow_waypoints_node import CANCELLED, ends_tour
-from ros1_bridge.navigation.go_to_goal_node import IN_MANUAL_MODE, OdometryGap
+from ros1_bridge.navigation.go_to_goal_node import IN_MANUAL_MODE, OdometryGap, clock_s
 from ros1_bridge.node.plane_poses import yaw_of
 from ros1_bridge.robot.goal_cancel import GoalCancel
 from tests.waiting import wait_until
@@ -94,6 +95,12 @@ def test_goal_goes_on_when_odometry_is_back_from_two_seconds_of_silence_where_it
     gap = OdometryGap(LIMITS)
     assert not gap.update(Pose(1.0, 0.0, 0.0), 0.0, 2.0) and gap.waiting
     assert gap.update(pose, heard_s, now_s) == (not why) and gap.why.startswith(why)
+
+
+def test_a_goal_counts_the_time_for_which_the_computer_was_suspended(monkeypatch):
+    since_boot_s, begun_s = time.clock_gettime, clock_s()
+    monkeypatch.setattr(time, "clock_gettime", lambda clock: since_boot_s(clock) + 3600.0)
+    assert clock_s() >= begun_s + 3600.0
 
 
 def client_of(ns):
