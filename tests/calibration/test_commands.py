@@ -21,7 +21,7 @@ from mrl_driver.apps.calibration.ground_truth import Truth
 from mrl_driver.cli import main
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import BoardTimeout, ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol import encode_reply
 from mrl_driver.robot import models
@@ -299,6 +299,15 @@ def test_the_wires_are_judged_from_a_recording_too(recorded_lab):
     assert recorded_lab.mrl("wiring", "--unseen", "--yes")[0] == 0
     code, out, _ = recorded_lab.mrl("wiring", *FROM_RECORDING)
     assert (code, out) == (0, "the wiring of motors and encoders is right\n")
+
+
+def test_a_recorded_run_in_which_the_board_restarted_is_refused(recorded_lab):
+    """The way between the last frame before the restart and the first one after it is not in the counts."""
+    recorded_lab.options = {"faults": ("reset:at=2.0",), "footprint": "none"}
+    assert recorded_lab.mrl(*STRAIGHT, "--yes")[0] == BoardTimeout.exit_code
+    runs = ["--run", f"lab.mrl:{recorded_lab.pose().x_m:.3f},0"] * 2
+    line = recorded_lab.refused("straight", "--robot", "traxbot", "--output", "a.yaml", "--yes", *runs)
+    assert "lab.mrl: the board restarted in this run" in line
 
 
 def test_swapped_wires_are_found_and_in_a_recording_too(recorded_lab):

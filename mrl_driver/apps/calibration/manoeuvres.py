@@ -55,22 +55,29 @@ class Track:
     def __init__(self, robot: Driver) -> None:
         self._robot = robot
         self._rows: List[Tuple[float, ...]] = []
-        self._refused = 0
+        self._refused = self._restarts = 0
         robot.on_telemetry(lambda telemetry: self._rows.append(_row(telemetry)))
 
     def begin(self) -> None:
         """Start to record."""
         telemetry = self._robot.telemetry
         self._rows = [_row(telemetry)] if telemetry else []
-        self._refused = self._robot.link.statistics.refused_counts
+        seen = self._robot.link.statistics
+        self._refused, self._restarts = seen.refused_counts, seen.restarts
 
     def rows(self) -> np.ndarray:
         """(N, 4 + W) readings since `begin`: time [s], right, left [count, without wrap], range of the front sonar [m],
         and the counts of each wheel.
 
-        Raise ConfigError if the counts jumped, which makes the run unusable.
+        Raise ConfigError if the counts jumped or the board restarted, which makes the run unusable.
         """
-        jumps = self._robot.link.statistics.refused_counts - self._refused
+        seen = self._robot.link.statistics
+        if seen.restarts != self._restarts:
+            raise ConfigError(
+                "the board restarted in this run, expected one that runs through: check its supply, then drive the run "
+                "again"
+            )
+        jumps = seen.refused_counts - self._refused
         if jumps:
             raise ConfigError(
                 f"the counts jumped {jumps} times in this run, expected no jump: check encoder plugs and motor power, "
