@@ -17,6 +17,7 @@ from mrl_driver.driver import Telemetry
 from mrl_driver.geometry import ORIGIN, Pose, advance
 from mrl_driver.robot.kinematics import kinematics_of
 from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.models.drives import metres_per_count
 from mrl_driver.session.handshake import Board
 from ros1_bridge.node.robot_parameters import Parameters
 from ros1_bridge.node.tf_names import (
@@ -143,10 +144,11 @@ class Publishers:
         self._counts_out = self._sender("encoders", typed("WheelCounts") or JointState)
         counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
         self._rad_per_count = 2 * math.pi / counts_a_turn
-        rad_per_m = self._rad_per_count / drive.metres_per_count
         rows = dict(zip(kinematics.wheels, kinematics.rows))
+        names = [joint[: -len("_wheel_joint")] for joint in joints]
         self._joint_rows = [
-            tuple(rad_per_m * each for each in rows[joint[: -len("_wheel_joint")]]) for joint in joints
+            tuple(self._rad_per_count / scale * each for each in rows[name])
+            for name, scale in zip(names, metres_per_count(drive, names))
         ]
 
     def _sender(self, topic: str, kind: type) -> Union[Fast, Unpublished]:

@@ -1,15 +1,19 @@
 """The IMU's calibration on readings that were computed: no robot, no driver."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mrl_driver.apps.calibration import imu_fit
 from mrl_driver.apps.calibration.imu_fit import ACCEL, GYRO, Turned, angle, levelled, push_of, rest_of, yaw_of
+from mrl_driver.apps.calibration.imu_procedures import by_wheels
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import GRAVITY_M_S2
+from mrl_driver.robot import models
 from mrl_driver.robot.models import ImuMount
+from mrl_driver.robot.odometry import Wheels
 
 PERIOD_S = 0.02
 NOISE_RAD_S, NOISE_M_S2 = math.radians(0.04), 0.03
@@ -41,6 +45,15 @@ def rates_of(*parts):
 
 def at_rest(mount=SLANTED, **options):
     return measured(mount, rates_of((0.0, 5.0)), **options)
+
+
+def test_the_way_by_the_wheels_knows_their_sizes():
+    """10 m straight by the counts are an arc if the right wheel is larger by 4 %."""
+    model = models.load("traxbot")
+    model = model._replace(drive=model.drive._replace(wheel_offset=0.04))
+    counts = round(10 / model.drive.metres_per_count)
+    way = by_wheels(model, SimpleNamespace(counts=Wheels(counts, counts)))
+    assert way == pytest.approx((10.0, 0.0, 0.4 / model.drive.turning_separation_m), abs=1e-4)
 
 
 # -- at rest

@@ -120,6 +120,17 @@ def test_wheels_turn_as_fast_as_the_robot_moves():
     assert joints.velocity == pytest.approx([0.2 / WHEEL_RADIUS_M] * 2, rel=2e-3)
 
 
+def test_a_wheel_that_is_larger_turns_more_slowly():
+    """Its speed is that with which its position grows: 10 000 counts of the right one are 1 % more way than the mean."""
+    topics, model = Topics("joint_states"), MODEL._replace(drive=MODEL.drive._replace(wheel_offset=0.02))
+    out = Publishers(topics, OSError, check({"port": "p"}, "node"), model, lambda: 1.0, lambda: 1.0)
+    counts, turn_rad = Wheels(10000, 10000), 10000 * 0.02 * MODEL.drive.metres_per_count / 0.18
+    twist = Twist(10000 * MODEL.drive.metres_per_count, turn_rad * (1 - MODEL.drive.turn_slip))
+    out.telemetry(Telemetry(50.0, 50.0, Pose(0.0, 0.0, 0.0), twist, {}, (), counts, 1))
+    (joints,) = topics["joint_states"].sent
+    assert joints.velocity == pytest.approx(joints.position)
+
+
 @pytest.mark.parametrize(
     ("forward", "left", "signs"),
     [(0.2, 0.0, (1, 1, 1, 1)), (0.0, 0.2, (1, -1, 1, -1))],

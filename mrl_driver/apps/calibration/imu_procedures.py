@@ -15,6 +15,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.models import ImuMount, RobotModel
+from mrl_driver.robot.models.drives import metres_per_count
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import ImuReading
 
@@ -75,8 +76,8 @@ class ImuTrack:
 def by_wheels(model: RobotModel, telemetry: Telemetry) -> Planar:
     """Return distance and turn of all steps so far, by the wheels alone: both add up over any way."""
     base = kinematics_of(model.base)
-    counts = [getattr(telemetry.counts, name) for name in base.wheels]
-    return base.step([each * model.base.metres_per_count for each in counts])
+    scales = zip(base.wheels, metres_per_count(model.base, base.wheels))
+    return base.step([getattr(telemetry.counts, name) * scale for name, scale in scales])
 
 
 def require_imu(robot: Driver) -> None:
