@@ -121,7 +121,7 @@ def test_wheels_turn_as_fast_as_the_robot_moves():
 
 
 def test_a_wheel_that_is_larger_turns_more_slowly():
-    """Its speed is that with which its position grows: 10 000 counts of the right one are 1 % more way than the mean."""
+    """Its speed is that with which its position grows: 10 000 counts of the right one are 1 % more way."""
     topics, model = Topics("joint_states"), MODEL._replace(drive=MODEL.drive._replace(wheel_offset=0.02))
     out = Publishers(topics, OSError, check({"port": "p"}, "node"), model, lambda: 1.0, lambda: 1.0)
     counts, turn_rad = Wheels(10000, 10000), 10000 * 0.02 * MODEL.drive.metres_per_count / 0.18
