@@ -311,7 +311,7 @@ def _by_runs(command: Callable[..., Tuple[Mapping[str, float], List[Leg]]]) -> C
     return measure
 
 
-@click.command()
+@click.command(short_help="Measure counts per metre, and the left/right offset Cm.")
 @job_options
 @value_option("--distance", Between(0.3, 20.0), 2.0, "Length of a run [m].")
 @value_option("--count", RUNS, 4, "Runs, alternately there and back.")
