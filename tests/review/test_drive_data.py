@@ -13,6 +13,7 @@ from mrl_driver.driver import Options
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from sim_arduino.serve import factory
 from tests.models import without_encoders
@@ -126,6 +127,24 @@ def test_a_board_without_motors_has_sensors_no_poses_and_a_page(tmp_path):
     assert find(data) == []
     page = render(data, [])
     assert "The robot was not stopped" in page and "Light" in page
+
+
+def test_a_pose_that_is_set_is_no_way(tmp_path):
+    path, board = (
+        str(tmp_path / "drive.mrl"),
+        factory.make(factory.Options(robot="traxbot", footprint="none")),
+    )
+    with SteppedDriver(board.engine, options=Options(record=path)) as robot:
+        for x_m in (10.0, -5.0):
+            for _ in range(10):
+                robot.drive(0.2, 0.0)
+                robot.wait(0.1)
+            robot.reset_pose(Pose(x_m, 0.0, 0.0))
+        robot.stop()
+        robot.wait(1.0)
+        driven_m = robot.telemetry.counts.right * robot.model.drive.metres_per_count
+    board.close()
+    assert read(RecordedDriver(path)).path_length_m == pytest.approx(driven_m, abs=0.01)
 
 
 def test_motors_without_encoders_have_a_page_without_a_way(tmp_path):

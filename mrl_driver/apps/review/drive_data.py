@@ -18,7 +18,7 @@ from mrl_driver.errors import BoardTimeout, ConfigError
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME
-from mrl_driver.recording.recording import FROM_BOARD, OPENED, PHONE, STOP, TO_BOARD
+from mrl_driver.recording.recording import FROM_BOARD, OPENED, PHONE, POSE, STOP, TO_BOARD
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import Telemetry
@@ -154,8 +154,12 @@ class DriveData(NamedTuple):
 
     @property
     def path_length_m(self) -> float:
-        """Length of the robot's path [m]."""
-        return float(np.hypot(*np.diff(self.poses.values[:, :2], axis=0).T).sum())
+        """Length of the robot's path [m], without the jumps to a pose that was set."""
+        steps_m = np.hypot(*np.diff(self.poses.values[:, :2], axis=0).T)
+        set_s = [time_s for time_s, text in self.remarks if text.startswith(POSE.decode())]
+        jumps = np.searchsorted(self.poses.time_s, set_s, "right") - 1
+        steps_m[jumps[(jumps >= 0) & (jumps < len(steps_m))]] = 0.0
+        return float(steps_m.sum())
 
 
 def read(recorded: "RecordedDriver", advance: Callable[[float], None] = lambda part: None) -> DriveData:
