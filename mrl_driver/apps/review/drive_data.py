@@ -154,12 +154,23 @@ class DriveData(NamedTuple):
 
     @property
     def path_length_m(self) -> float:
-        """Length of the robot's path [m], without the jumps to a pose that was set."""
-        steps_m = np.hypot(*np.diff(self.poses.values[:, :2], axis=0).T)
+        """Length of the robot's path [m]."""
+        return float(np.hypot(*self.steps().T[:2]).sum())
+
+    def steps(self, every: int = 1) -> Any:
+        """Return the motion from one pose to the one `every` places on, in the robot's frame, `(N, 3)` [m m rad].
+
+        Where a pose was set, it is 0.
+        """
+        x_m, y_m, yaw = self.poses.values[::every].T
+        yaw = np.unwrap(yaw)
+        dx, dy, middle = np.diff(x_m), np.diff(y_m), 0.5 * (yaw[1:] + yaw[:-1])
+        cos, sin = np.cos(middle), np.sin(middle)
+        steps = np.stack((dx * cos + dy * sin, dy * cos - dx * sin, np.diff(yaw)), axis=1)
         set_s = [time_s for time_s, text in self.remarks if text.startswith(POSE.decode())]
-        jumps = np.searchsorted(self.poses.time_s, set_s, "right") - 1
-        steps_m[jumps[(jumps >= 0) & (jumps < len(steps_m))]] = 0.0
-        return float(steps_m.sum())
+        jumps = (np.searchsorted(self.poses.time_s, set_s, "right") - 1) // every
+        steps[jumps[(jumps >= 0) & (jumps < len(steps))]] = 0.0
+        return steps
 
 
 def read(recorded: "RecordedDriver", advance: Callable[[float], None] = lambda part: None) -> DriveData:

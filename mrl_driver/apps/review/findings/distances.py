@@ -102,12 +102,9 @@ def _readings(drive: DriveData) -> _Readings:
 def _path(drive: DriveData) -> _Path:
     period_s = drive.duration_s / max(1, len(drive.poses.time_s))
     every = max(1, int(STEP_S / period_s)) if period_s > 0 else 1
-    times_s, (x_m, y_m, yaw) = drive.poses.time_s[::every], drive.poses.values[::every].T
-    yaw = np.unwrap(yaw)
-    dx, dy, middle = np.diff(x_m), np.diff(y_m), 0.5 * (yaw[1:] + yaw[:-1])
-    forward, left = dx * np.cos(middle) + dy * np.sin(middle), dy * np.cos(middle) - dx * np.sin(middle)
+    forward, left, turn = drive.steps(every).T
     gyro = len(drive.imu.time_s) > 0 and np.isfinite(drive.imu.values[:, 4]).mean() > 0.5
-    return _Path(times_s, forward, left, np.diff(yaw), bool(gyro))
+    return _Path(drive.poses.time_s[::every], forward, left, turn, bool(gyro))
 
 
 def _placed(path: _Path, factor: float, times_s: Any) -> Tuple[Any, Any, Any]:
