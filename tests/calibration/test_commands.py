@@ -180,6 +180,8 @@ def test_a_turn_waits_for_the_result_of_a_straight_and_says_that_there_was_none(
     assert lab.mrl(*straight)[0] == 0
     code, _, lines = lab.mrl(*turn, "--robot", "traxbot-1.yaml")
     assert code == 0 and not any(UNMEASURED in line for line in lines)
+    again = "turns were measured with the distances of before: run mrl calibrate turn again"
+    assert again in lab.mrl(*straight, "--robot", "traxbot-1.yaml")[1]
 
 
 def test_counts_that_jump_spoil_the_run(lab, tmp_path):

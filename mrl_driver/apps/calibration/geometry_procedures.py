@@ -18,7 +18,7 @@ from mrl_driver import figures
 from mrl_driver.cli.commands.shared import Between, print_message
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
-from mrl_driver.robot.models import MecanumDrive, RobotModel
+from mrl_driver.robot.models import ON_TRACKS, ON_WHEELS, MecanumDrive, RobotModel
 
 from . import fit, from_recording, manoeuvres
 from .calibration_files import Key, Progress
@@ -218,6 +218,9 @@ class CalibrationPlan(NamedTuple):
         senses = [sense(outcome.after, each) for each in runs]
         draw = partial(_draw, outcome, senses)
         values, lines = values_for(model, outcome), _lines(outcome)
+        turned = model.noise.turn_scale_sd not in (ON_WHEELS.turn_scale_sd, ON_TRACKS.turn_scale_sd)
+        if self.procedure == STRAIGHT and turned:
+            lines.append("turns were measured with the distances of before: run mrl calibrate turn again")
         if self.procedure == UMBMARK:
             before, after = (_e_max_m(each, senses) for each in (outcome.errors_before, outcome.errors_after))
             lines.append(f"UMBmark's E_max,syst: {before * 1000:.1f} mm before, {after * 1000:.1f} mm after")
