@@ -15,8 +15,9 @@ from mrl_driver.errors import ConfigError, LinkError, MrlError, PortBusy, PortDe
 
 from .address import TCP, Address, parse
 
-SILENT_S = 2.0
-"""A client that sends nothing for this time has no right to its place [s]; a driver sends something every 0.5 s."""
+SILENT_S = 3.0
+"""A client that sends nothing for this time has no right to its place [s]; a driver sends something every 0.5 s, to a
+board of 2013 every 2 s."""
 GONE_S = 2
 READ_SIZE = 4096
 LONGEST = 1400  # longest datagram [byte]; Ethernet would split a longer one

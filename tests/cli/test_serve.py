@@ -12,11 +12,13 @@ import pytest
 
 from mrl_driver.driver import Driver, Options, served_robot
 from mrl_driver.driver.served_robot import ServedRobot
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, WrongRobot
 from mrl_driver.session.handshake import Board
 from mrl_driver.transport.listener import REASON, SILENT_S, listen
 from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.relay import STOP, STOP_2013, STOPS, Bridge
+from sim_arduino.serve import factory
 from sim_arduino.testing import EmulatedBoard
 from tests.driver.conftest import Cable
 from tests.waiting import PATIENCE_S, drive_until, wait_until
@@ -101,6 +103,16 @@ def test_only_a_silent_client_gives_up_its_place(monkeypatch, silent_s, said):
             else:
                 wait_until(listener.attend)
             assert (listener.client == held) == bool(said)
+
+
+@pytest.mark.parametrize("profile", ["current", "2013-august"])
+def test_a_driver_that_only_watches_is_never_silent_for_so_long(profile):
+    engine, sent_s = factory.make(factory.Options(robot="traxbot", profile=profile)).engine, []
+    receive = engine.receive
+    with SteppedDriver(engine) as robot:
+        engine.receive = lambda data: (sent_s.append(robot.now_s), receive(data))
+        robot.wait(10.0)
+        assert max(later - sooner for sooner, later in zip(sent_s, sent_s[1:])) < SILENT_S - 0.5
 
 
 def over(link, listener, tell=str):

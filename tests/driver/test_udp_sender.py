@@ -157,15 +157,15 @@ def test_a_datagram_that_the_system_does_not_take_is_lost(client, listener, monk
     assert listener.write(b"@6e") == 3 and client.recv(9) == b"@6e"
 
 
-def test_after_two_silent_seconds_another_client_is_served(client, listener, monkeypatch):
+def test_after_three_silent_seconds_another_client_is_served(client, listener, monkeypatch):
     now_s, url = [100.0], ("127.0.0.1", listener.address.port)
     monkeypatch.setattr("mrl_driver.transport.listener.time", SimpleNamespace(monotonic=lambda: now_s[0]))
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as other:
-        for now_s[0], sender in ((100.0, client), (101.9, other), (102.0, other)):
+        for now_s[0], sender in ((100.0, client), (102.9, other), (103.0, other)):
             sender.sendto(b"@5e", url)
             listener.read()
         assert listener.client == f"127.0.0.1:{other.getsockname()[1]}"
-        for now_s[0], there in ((103.9, True), (104.0, False)):
+        for now_s[0], there in ((105.9, True), (106.0, False)):
             listener.attend()
             assert bool(listener.client) is there
 
