@@ -289,6 +289,12 @@ def test_another_model_is_refused(serve):
         Driver(serve().path, "stingbot").connect()
 
 
+def test_an_h_bridge_robot_whose_board_has_the_firmware_for_an_omni3md_is_refused(serve):
+    """Its gains make the wheels of an OMNI-3MD swing."""
+    with pytest.raises(WrongRobot, match="drives an OMNI-3MD, expected the H-bridges of duo: flash it with"):
+        Driver(serve(robot_id=23).path).connect()
+
+
 @pytest.mark.parametrize(
     ("robot_id", "words"), [(0, "not set; set it with: mrl set-id"), (99, "99 is in no packaged model")]
 )
