@@ -221,6 +221,13 @@ def test_the_error_of_a_sonar_curve_is_that_of_what_the_board_can_store(lab, tmp
     assert json.loads(out)["worst_m"] == pytest.approx(worst_m, abs=1e-6)
 
 
+@pytest.mark.parametrize("row", ["150,1.5", "1.5,150", "0,1.5", "nan,1.5"])
+def test_points_that_are_not_in_metres_are_refused(lab, tmp_path, row):
+    (tmp_path / "wall.csv").write_text(f"0.5,0.51\n{row}\n")
+    line = lab.refused("sonar", "--robot", "traxbot", "--points", "wall.csv", "--output", "a.yaml", "--yes")
+    assert f"wall.csv:2: got '{row}', expected distance,reading in metres, at most 6.45" in line
+
+
 @pytest.mark.parametrize(
     "seen, words", [((math.nan, 0.4, 0.4), "measures 0.40 m"), ((math.nan,), "gives no reading")]
 )

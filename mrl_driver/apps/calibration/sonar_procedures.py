@@ -18,7 +18,7 @@ from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.files import read_plain, replace_file
 from mrl_driver.robot import models, sonar_curve
 from mrl_driver.robot.models import Drive, RobotModel
-from mrl_driver.robot.sonar import NAMES
+from mrl_driver.robot.sonar import FARTHEST_M, NAMES
 from mrl_driver.robot.sonar_curve import THESIS, Curve, SonarFit
 
 from . import from_recording, manoeuvres
@@ -235,9 +235,12 @@ def read_points(path: str) -> Points:
                 continue
             try:
                 distance, reading = float(row[0]), math.nan if row[1].strip() == "-" else float(row[1])
+                if not 0 < distance <= FARTHEST_M or FARTHEST_M < reading < math.inf:
+                    raise ValueError
             except (ValueError, IndexError):
                 raise ConfigError(
-                    f"{path}:{number}: got {','.join(row)[:40]!r}, expected distance,reading in metres"
+                    f"{path}:{number}: got {','.join(row)[:40]!r}, expected distance,reading in metres, at most "
+                    f"{FARTHEST_M:g}"
                 ) from None
             distances.append(distance)
             ranges.append(reading if math.isfinite(reading) else math.nan)
