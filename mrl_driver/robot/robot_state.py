@@ -177,7 +177,8 @@ class RobotState:
         if self.odometry is None and not self._ignore_battery and not _may_lack_battery(board):
             battery.require_charge(board.battery_v, self.model.battery)
         require_supported(self.model)
-        if self.model.board.get("bridge") and board.motor_board_version > 0 and not self._any_id:
+        omni3md = board.motor_board_version > 0 and board.capabilities and "bridge" not in board.capabilities
+        if omni3md and self.model.board.get("bridge") and not self._any_id:
             raise WrongRobot(
                 f"the firmware of the board drives an OMNI-3MD, expected the H-bridges of {self.model.name}: flash it "
                 "with: mrl flash --port PORT, or set the board's id with: mrl set-id"
