@@ -38,7 +38,6 @@ pytest_add_cli_args=
  not realtime
  -k
  not (frames_are_taken_at_once or byte_by_byte or call_path or no_frame_passes or thread_and_lock)
-timeout_multiplier=60
 """
 """Texts of errors are left alone, and mutmut has its own time limit.  Tests are left out that count calls (mutmut makes
 more) or read the sources."""
