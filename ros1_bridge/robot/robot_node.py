@@ -107,6 +107,7 @@ class RobotNode:
         self._zones: Optional[ZoneTopics] = None
         self._markers: Optional[Markers] = None
         self._commands: Optional[CommandTopics] = None
+        self._goals: Optional[GoalCancel] = None
 
     def run(self) -> None:
         """Serve until the shutdown; MrlError if the robot cannot be reached, is another model, or its link was lost."""
@@ -151,7 +152,8 @@ class RobotNode:
         robot = self._hardware_id(board), board.virtual
         self._status = StatusTeller(commander, publishers.status, rospy.get_name(), *robot)
         if parameters.has("commands"):
-            commander.cancel_goals = GoalCancel(rospy).cancel
+            self._goals = GoalCancel(rospy)
+            commander.cancel_goals = self._goals.cancel
         services = self._offer_services()
         self._status.tell()
         published, subscribed = self._connected_before()
@@ -332,8 +334,8 @@ class RobotNode:
     def _note_clock(self, ahead_s: float) -> None:
         self._driver.recorder.note_clock(ahead_s)
         back_s, self._ahead_s = self._ahead_s - ahead_s, ahead_s
-        if back_s > JUMP_S:
-            self._commander.cancel_goals(False)  # with the new time, for planners that start from now on
+        if back_s > JUMP_S and self._goals is not None:
+            self._goals.set_back(back_s)
             rospy.logwarn(
                 f"the clock was set back by {back_s:.0f} s: restart planners such as move_base, or they refuse goals "
                 "until it has caught up"

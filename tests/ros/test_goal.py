@@ -294,6 +294,14 @@ def test_all_goals_are_cancelled_whatever_their_clients_clock_shows():
     assert out.sent[1:] == [GoalID(), GoalID(stamp=NOW)]
 
 
+def test_goal_that_is_under_way_is_not_cancelled_when_the_clock_is_set_back():
+    """The cancel is of before it by the new clock too, also if that shows the time 0."""
+    cancel, out = made()
+    cancel.set_back(30.0)
+    cancel.set_back(100.0)
+    assert out.sent[1:] == [GoalID(stamp=Time(70, 0)), GoalID(stamp=Time(0, 1))]
+
+
 def test_goal_of_after_a_release_is_not_cancelled_though_the_cancel_arrives_late():
     cancel, out = made()
     cancel.cancel(everything=False)
