@@ -205,7 +205,7 @@ def _hung_loop(bench):
 )
 def test_a_stop_is_one_of_all_motors(make, cause, reason, limit_s):
     bench = make(board=MEASURED)
-    bench.ask("move_twist", 200, 0, 0, wait_s=DRIVE_S)
+    bench.ask("move_twist", 200, 0, 0, wait_s=0.3)
     assert bench.driven() == ALL
     cause(bench)
     bench.run_until_released(limit_s + STEP_S)

@@ -56,12 +56,11 @@ ROBOTS = pytest.mark.parametrize("name", ["duo", "traxbot"], ids=["H-bridge", "O
 
 
 @ROBOTS
-@pytest.mark.parametrize("turn_rad_s", [0.0, 0.8], ids=["straight", "arc"])
-def test_a_zone_ends_a_braking_as_a_stop_does(name, turn_rad_s):
+def test_a_zone_ends_a_braking_on_an_arc_as_a_stop_does(name):
     """Neither follows the ramp of the driver, or that of the board; a zone is asked with the next frame."""
-    by_stop, by_zone = (way_m(name, turn_rad_s, 0.2, then) for then in (stop, zone))
+    by_stop, by_zone, on = (way_m(name, 0.8, 0.2, then) for then in (stop, zone, nothing))
     assert by_zone == pytest.approx(by_stop, abs=FRAME_M)
-    assert by_stop < 0.25 * way_m(name, turn_rad_s, 0.2, nothing)
+    assert by_stop < 0.25 * on
 
 
 @ROBOTS
