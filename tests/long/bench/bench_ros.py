@@ -14,7 +14,7 @@ from mrl_driver.robot.odometry import Odometry, fastest_wheel_m_s
 from . import report
 from .ros_bench import BARE, NODE, STEPS, Bench, Master
 
-PAIRS = report.either(10, 1)
+PAIRS = report.either(5, 1)
 CPU_S = report.either(20.0, 1.0)
 LATENCY_S, ROUNDS = report.either((10.0, 2), (1.0, 1))
 LEAST = report.either(0.9, 0.3)  # Share of the frames that must have arrived
