@@ -41,7 +41,10 @@ def differing(values: Mapping[str, int], model: RobotModel) -> Dict[str, int]:
 
 
 def curve_share(values: Mapping[str, int], model: RobotModel) -> float:
-    """Return by which share a board with these values gives longer ranges than with the model's curve, at 1 m."""
+    """Return by which share a board with these values gives longer ranges than with the model's curve, at 1 m.
+
+    The curve is that of `sonar_curve.Curve`, without numpy, which a node does not need otherwise.
+    """
     expected = {name: default_of(model, PARAMETER_BY_NAME[name]) or 0 for name in CURVE_KEYS}
     (a, b, c), (model_a, model_b, model_c) = (
         [each[name] / 1e4 for name in CURVE_KEYS] for each in (values, expected)

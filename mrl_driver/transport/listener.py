@@ -21,9 +21,8 @@ board of 2013 every 2 s."""
 GONE_S = 2
 READ_SIZE = 4096
 LONGEST = 1400  # longest datagram [byte]; Ethernet would split a longer one
-REASON = (
-    b"\r\nmrl serve: "  # begin of the line with which a bridge tells its client why it closes the connection
-)
+REASON = b"\r\nmrl serve: "
+"""Begin of the line with which a bridge tells its client why it closes the connection."""
 MOST_DATAGRAMS = 32
 """At most this many datagrams are looked at in one read: a flood by others does not hold up the caller."""
 MOST_WAITING = 10_000  # more datagrams than the system keeps

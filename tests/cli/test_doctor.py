@@ -352,7 +352,7 @@ def test_the_doctor_leaves_out_the_wheels_after_a_no(serve):
     port = serve()
     terminal = Terminal("doctor", "--drive", "--port", port.path)
     terminal.answer("Are the wheels lifted off the ground?", "maybe")
-    terminal.answer("Error: got 'maybe', expected y or n", "n")
+    terminal.answer("'maybe' is not one of 'y', 'yes', 'n', 'no'", "n")
     assert terminal.end() == 0 and motion_of(port) == [], terminal.seen.decode()
     assert b"telemetry" in terminal.seen and b"not checked" in terminal.seen
 

@@ -320,23 +320,17 @@ def no_view_because() -> str:
     return "--json has no view"
 
 
-class _Agreement(click.ParamType):
-    """Yes or no; click's own question says `invalid input` to other words."""
-
-    name = "answer"
-
-    def convert(self, value: Any, param: Optional[click.Parameter], ctx: Optional[click.Context]) -> bool:
-        word = str(value).strip().lower()
-        if word not in ("y", "yes", "n", "no"):
-            self.fail(f"got {value!r}, expected y or n", param, ctx)
-        return word.startswith("y")
-
-
 def agrees(question: str, default: bool = False, err: bool = True) -> bool:
-    """Ask until the answer is yes or no, or empty for the default; return whether it is yes."""
+    """Ask until the answer is yes or no, or empty for the default; return whether it is yes.
+
+    `click.confirm` calls other words `invalid input`, and does not say what it expects.
+    """
     words, empty = ("[Y/n]", "y") if default else ("[y/N]", "n")
-    kind = _Agreement()
-    return bool(click.prompt(f"{question} {words}", default=empty, show_default=False, type=kind, err=err))
+    kind = click.Choice(["y", "yes", "n", "no"], case_sensitive=False)
+    asked: str = click.prompt(
+        f"{question} {words}", default=empty, show_default=False, type=kind, show_choices=False, err=err
+    )
+    return asked.startswith("y")
 
 
 def confirm(question: str, yes: bool, otherwise: str = "nothing was changed") -> None:
