@@ -50,7 +50,7 @@ link_lost: PORT went away
   remedy: check the plug and the cable, or the radio's range
 modem_manager: runs, and may keep the port busy for some seconds after the board is plugged in
   cause: ModemManager writes to new serial ports to find modems.
-  remedy: run: mrl system install
+  remedy: run mrl system install as root
 brltty: runs, and takes CH340, CP210x, FTDI and PL2303 adapters for Braille displays
   cause: brltty drives Braille displays. Some of them have the same chips as the adapters of robots, so it takes those
     too, about a second after they were plugged in, and their ports vanish.
@@ -184,8 +184,8 @@ battery_sag: The battery's voltage sagged
   cause: It lost a tenth of its voltage within seconds: a weak cell, or a poor contact.
   remedy: check the battery's plug and wires; measure its voltage while the motors run; replace a worn pack
 no_battery: not measured
-  cause: The board has no divider at A3, so it does not know the voltage of its battery, and cannot protect it.
-  remedy: connect its divider to the pin battery of the robot's file, and set the parameter battery_divider
+  cause: The board has no voltage divider at its battery, so it neither knows the voltage nor protects the battery.
+  remedy: connect a divider to the pin battery of the robot's file, and set the parameter battery_divider
 no_odometry: none: the motors have no encoders
   cause: The robot's file says so (`wiring.no_encoders`). Its motors turn by their duty alone, and nobody knows how far.
     The robot stops as any other, but no wheel is watched.

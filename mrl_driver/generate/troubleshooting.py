@@ -37,8 +37,7 @@ def _sections() -> Iterator[str]:
 
 def _section(row: Problem) -> Iterator[str]:
     yield f'<a id="{row.code}"></a>\n'
-    yield f"### {row.message}\n"
-    yield f"Code: `{row.code}`\n"
+    yield f"### {row.code}: {row.message}\n"
     if row.also:
         yield "Other messages with this code:\n"
         yield from (f"- {text}" for text in row.also)
