@@ -48,7 +48,7 @@ class LiveModel:
     def _on_telemetry(self, telemetry: Telemetry) -> None:
         self.frames += 1
         if self._has_path:
-            self.trail.add(telemetry.pose)
+            self.trail.add(telemetry.pose, telemetry.stamp_s)
 
     def _on_event(self, event: object) -> None:
         if isinstance(event, _TOLD):

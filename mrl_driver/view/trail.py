@@ -7,6 +7,7 @@ from mrl_driver.geometry import Pose
 
 STEP_M = 0.01
 MOST_POSES = 4000
+FASTEST_M_S = 5.0  # no robot's file allows more
 
 
 class Trail:
@@ -15,16 +16,20 @@ class Trail:
     def __init__(self) -> None:
         self.poses: List[Pose] = []
         self.distance_m = 0.0  # length of the path [m]
-        self._step_m = STEP_M
+        self._step_m, self._stamp_s = STEP_M, -math.inf
 
-    def add(self, pose: Pose) -> None:
-        """Add the robot's pose now."""
+    def add(self, pose: Pose, stamp_s: float) -> None:
+        """Add the robot's pose at this time [s].  A pose that was set, to which no robot drives, begins a new path."""
+        gap_s, self._stamp_s = abs(stamp_s - self._stamp_s), stamp_s
         if not self.poses:
             self.poses.append(pose)
         step_m = math.dist(pose[:2], self.poses[-1][:2])
         if step_m < self._step_m:
             return
         self.poses.append(pose)
+        if step_m > self._step_m + FASTEST_M_S * gap_s:
+            self.clear()
+            return
         self.distance_m += step_m
         if len(self.poses) > MOST_POSES:
             self.poses, self._step_m = self.poses[::2], self._step_m * 2

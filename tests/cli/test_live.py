@@ -264,8 +264,15 @@ def test_a_long_way_is_thinned_out_and_keeps_its_length(monkeypatch):
     monkeypatch.setattr(trail, "MOST_POSES", 100)
     way = trail.Trail()
     for i in range(1001):
-        way.add(Pose(i * 0.01, 0.0, 0.0))
+        way.add(Pose(i * 0.01, 0.0, 0.0), 0.02 * i)
     assert len(way.poses) <= 101 and way.distance_m == pytest.approx(10.0, abs=0.3)
+
+
+def test_a_pose_that_is_set_begins_a_new_path():
+    way = trail.Trail()
+    for i, x_m in enumerate((0.0, 0.02, 0.04, 7.0, 7.02)):
+        way.add(Pose(x_m, 0.0, 0.0), 0.02 * i)
+    assert way.distance_m == pytest.approx(0.02) and [pose.x_m for pose in way.poses] == [7.0, 7.02]
 
 
 @given(st.lists(st.tuples(METRES, METRES), min_size=1, max_size=20), st.integers(4, 200), st.integers(2, 60))

@@ -32,7 +32,7 @@ try:
 except ImportError as missing:
     raise ConfigError(
         f"the page needs the Python package {missing.name}, which is not installed; install it with: "
-        f"sudo apt install python3-{missing.name}, or: pip install 'mrl-driver[web]'"
+        f"pip install 'mrl-driver[web]', or without a virtual environment: sudo apt install python3-{missing.name}"
     ) from None
 
 PAGE = pathlib.Path(__file__).resolve().parent / "page"

@@ -6,13 +6,14 @@ median of `PAIRS` pairs.  FAST=1 is shorter.
 
 import math
 import statistics
+import time
 from typing import Dict, List
 
 from mrl_driver.robot.models import load
 from mrl_driver.robot.odometry import Odometry, fastest_wheel_m_s
 
 from . import report
-from .ros_bench import BARE, NODE, STEPS, Bench, Master
+from .ros_bench import BARE, NODE, SETTLED_S, STEPS, Bench, Master
 
 PAIRS = report.either(5, 1)
 CPU_S = report.either(20.0, 1.0)
@@ -97,6 +98,7 @@ def many_pair() -> Figures:
     found = {}
     for key, program in ("", TEN_NODE), ("bare_", BARE):
         with Bench(program, boards=ROBOTS, hz=20.0) as bench:
+            time.sleep(SETTLED_S)
             every = bench.latencies_s(20.0, ROBOTS_S)
         found[f"{key}ten_robots_latency_ms_p99"] = 1e3 * p99([delay for each in every for delay in each])
     ours, bare = found.values()

@@ -6,6 +6,7 @@ What needs no process, port or master of its own strikes in simulated time.
 import gc
 import os
 import random
+import shutil
 import signal
 import subprocess
 import tempfile
@@ -14,6 +15,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Callable, Dict, List, Optional, Tuple
+
+import click
 
 from mrl_driver.driver import Driver
 from mrl_driver.errors import MrlError
@@ -461,7 +464,10 @@ def own_holds() -> Dict[str, int]:
 
 
 def run(seconds: float, seed: int, tally: Tally) -> None:
-    """Strike so long; each robot has its thread.  Ctrl-C ends it after the faults that strike now."""
+    """Strike so long; each robot has its thread.  Ctrl-C ends it after the faults that strike now.
+
+    The folder of logs stays if a judge has reported something; its name is printed.
+    """
     before = own_holds()
     folder = Path(tempfile.mkdtemp(prefix="soak-"))
     made: Tuple[Rig, ...] = tuple(kind(folder, tally, seed + number) for number, kind in enumerate(RIGS))
@@ -478,6 +484,10 @@ def run(seconds: float, seed: int, tally: Tally) -> None:
         for thread in threads:
             thread.join()
     _judge_the_end(before, tally)
+    if tally.kinds:
+        click.echo(f"{folder}: what the programs have said")
+    else:
+        shutil.rmtree(folder)
 
 
 def _run_one(rig: Rig, until_s: float) -> None:
