@@ -2,7 +2,9 @@
 
 import contextlib
 import json
+import math
 import re
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +18,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import WheelFault
 from mrl_driver.robot import models, wiring
 from sim_arduino.serve import factory
+from tests.models import four_wheels
 
 from .kit import MODEL, Kit, calibrate, counted, turned_by
 from .test_commands import recorded
@@ -237,16 +240,16 @@ class Lab:
 
     def __init__(self, capsys):
         self.made = factory.make(factory.Options(robot="duo", footprint="none"))
-        self._capsys, self.record = capsys, None
+        self._capsys, self.record, self.robot = capsys, None, "duo"
 
     @contextlib.contextmanager
     def connect(self, job):
-        with SteppedDriver(self.made.engine, "duo", recorded(self.record)) as robot:
+        with SteppedDriver(self.made.engine, self.robot, recorded(self.record)) as robot:
             robot.parameters.write(SOFT._asdict())
             yield robot
 
     def mrl(self, *args):
-        own = ("--robot", "duo", "--output", "kit.yaml", "--yes")
+        own = ("--robot", self.robot, "--output", "kit.yaml", "--yes")
         return calibrate(self._capsys, "gains", *own, *args)
 
     @property
@@ -278,6 +281,30 @@ def test_suggested_gains_keep_a_step_within_its_limits(lab, tmp_path):
     board, gains = models.load("kit.yaml").board, found["gains_after"]
     assert {name: board[name] for name in gains} == gains
     assert lab.in_force == BridgeGains(**gains)
+
+
+def test_speeds_that_the_motors_do_not_reach_are_lowered(lab, tmp_path):
+    """The ceilings become 0.85 of full speed; the limit of turns was lower already."""
+    fast = Path(models.SCHEMA).with_name("duo.yaml").read_text()
+    for old, new in (("linear_ceiling: 500", "linear_ceiling: 900"), ("linear_m_s: 0.4", "linear_m_s: 0.8")):
+        assert fast.count(old) == 1
+        fast = fast.replace(old, new)
+    (tmp_path / "fast.yaml").write_text(fast)
+    lab.robot = "fast.yaml"
+    assert lab.mrl()[0] == 0
+    slow, before = models.load("kit.yaml"), models.load("duo")
+    full_m_s = slow.board["full_speed"] / 60 * math.pi * 0.065
+    assert slow.board["linear_ceiling"] / 1000 == pytest.approx(0.85 * full_m_s, abs=0.001)
+    assert slow.limits.linear_m_s == slow.board["linear_ceiling"] / 1000
+    assert slow.board["angular_ceiling"] == before.board["angular_ceiling"]
+
+
+def test_mecanum_wheels_take_the_full_speed_of_their_motors():
+    base = four_wheels("mecanum")
+    values = gain_procedures.values_of({"full_speed": 100}, base)
+    assert values["drive", "full_speed_m_s"] == pytest.approx(
+        100 / 60 * 2 * math.pi * base.drive.wheel_radius_m
+    )
 
 
 def test_the_former_gains_and_the_ramp_come_back(lab):

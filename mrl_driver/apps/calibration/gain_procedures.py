@@ -2,7 +2,7 @@
 
 import contextlib
 from functools import partial
-from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import click
 import numpy as np
@@ -11,7 +11,8 @@ from mrl_driver import figures
 from mrl_driver.cli.commands.shared import print_message
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
-from mrl_driver.robot.models import RobotModel, beyond_control
+from mrl_driver.robot.models import RobotModel, beyond_control, full_speeds
+from mrl_driver.robot.models.kit import CEILING_SHARE
 
 from . import from_recording, manoeuvres, open_loop
 from .calibration_files import Key
@@ -37,6 +38,7 @@ from .manoeuvres import MOVE, MOVE_PID, Track
 STEP_PERCENT = 40  # speed of the steps under control with a motor board
 TARGET_SHARE = 0.5  # the same with an H-bridge board, as a share of the fitted full speed
 LEAST_READINGS = 10  # of a step
+MOST_SHARE = (1 + CEILING_SHARE) / 2  # of full speed that a ceiling may have: half the usual reserve is left
 WHEELS = ("right", "left")
 CAPABILITY = "bridge"  # boards with this capability take `BridgeGains`
 
@@ -222,9 +224,10 @@ def gains(job: Job, recording: Optional[str]) -> None:
     evaluates how the wheels speed up.  The floor around the robot must be free.  At the end the board has its former
     gains again.  Takes 10 to 15 s; after Ctrl-C it starts from the beginning.
 
-    With an H-bridge board it also measures full_speed and friction_duty, and suggests kp and ki by lambda tuning.
-    Charge the battery first: full_speed is that of the present voltage.  Without encoders it drives forward,
-    back and forward again, and asks how far: that gives full_speed and friction_duty.
+    With an H-bridge board it also measures full_speed and friction_duty, suggests kp and ki by lambda tuning, and
+    lowers the file's ceilings and limits if the motors hardly reach them.  Charge the battery first: full_speed is
+    that of the present voltage.  Without encoders it drives forward, back and forward again, and asks how far: that
+    gives full_speed and friction_duty.
 
     \b
     Example:
@@ -234,7 +237,7 @@ def gains(job: Job, recording: Optional[str]) -> None:
         model, output = job.recorded_robot()
         motors, wanted = recorded(recording, model)
         lines, facts = _motor_lines(motors, wanted, model), {"gains_after": wanted._asdict()}
-        job.finish(Result("gains", model, output, _values(wanted), lines, facts))
+        job.finish(Result("gains", model, output, values_of(wanted._asdict(), model), lines, facts))
         return
     with job.robot(odometry=False) as (driver, model, output):
         measure = _by_encoders if model.has_odometry else _by_tape
@@ -262,7 +265,7 @@ def _by_tape(job: Job, driver: Driver, model: RobotModel, output: str) -> Result
             "warning: at low duties the motors turn faster than in proportion, as with a bridge that coasts between "
             "the pulses: nothing measures the speed, so the robot drives slow commands too fast"
         )
-    values: Dict[Key, float] = {("board", name): value for name, value in found.items()}
+    values = values_of(found, model)
     words = f"turns from {found['friction_duty'] / 10:g} % duty, {found['full_speed']} 1/min at full duty"
     return Result("gains", model, output, values, [f"motors: {words}"], found)
 
@@ -278,11 +281,30 @@ def _result(tuned: Tuned, model: RobotModel, output: str) -> Result:
             for wheel, each in figures_of.items()
         ]
         facts[when] = {wheel: each._asdict() for wheel, each in figures_of.items()}
-    return Result("gains", model, output, _values(tuned.after), lines, facts, partial(_draw, tuned))
+    return Result(
+        "gains", model, output, values_of(tuned.after._asdict(), model), lines, facts, partial(_draw, tuned)
+    )
 
 
-def _values(wanted: Any) -> Dict[Key, float]:
-    return {("board", name): value for name, value in wanted._asdict().items()}
+def values_of(found: Mapping[str, int], model: RobotModel) -> Dict[Key, float]:
+    """Return the numbers for the robot's file: those of the board that were found, and what follows from full speed.
+
+    Ceilings and limits that the motors hardly reach are lowered, so that planners count on speeds that the robot has.
+    """
+    values: Dict[Key, float] = {("board", name): value for name, value in found.items()}
+    if "full_speed" not in found:
+        return values
+    straight_mm_s, turning_mrad_s = full_speeds({**model.board, **found})
+    if hasattr(model.base, "full_speed_m_s"):
+        values["drive", "full_speed_m_s"] = straight_mm_s / 1000
+    for ceiling, limit, full in (
+        ("linear_ceiling", "linear_m_s", straight_mm_s),
+        ("angular_ceiling", "angular_rad_s", turning_mrad_s),
+    ):
+        if model.board[ceiling] > MOST_SHARE * full:
+            most = values["board", ceiling] = round(CEILING_SHARE * full)
+            values["limits", limit] = min(getattr(model.limits, limit), most / 1000)
+    return values
 
 
 def _motor_lines(motors: Sequence[Motor], wanted: Any, model: RobotModel) -> List[str]:

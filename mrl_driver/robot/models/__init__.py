@@ -47,6 +47,7 @@ from .robot_model import (
     RobotModel,
     ServoMount,
     beyond_control,
+    full_speeds,
     has_environment,
     require_supported,
     with_build,

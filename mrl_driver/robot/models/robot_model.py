@@ -334,6 +334,13 @@ OF_CONTROL = ("gearbox", "encoder_counts", "full_speed", "wheel_radius", "axis_r
 """What `beyond_control` looks at."""
 
 
+def full_speeds(board: Mapping[str, int]) -> Tuple[float, float]:
+    """Return the speeds of a robot with H-bridges at full duty, straight ahead and turning [mm/s mrad/s]."""
+    turns_s = board.get("full_speed", COMMON_BOARD["full_speed"]) / 60
+    mm_s = turns_s * 2 * math.pi * board["wheel_radius"] / 100
+    return mm_s, 1e5 * mm_s / board["axis_radius"]
+
+
 def beyond_control(board: Mapping[str, int]) -> str:
     """Return in words why a board with H-bridges cannot control its wheels, and refuses all moves; empty if it can.
 
@@ -341,8 +348,7 @@ def beyond_control(board: Mapping[str, int]) -> str:
     """
     turns_s = board.get("full_speed", COMMON_BOARD["full_speed"]) / 60
     counts_s = turns_s * board["gearbox"] * board["encoder_counts"] / 100
-    mm_s = turns_s * 2 * math.pi * board["wheel_radius"] / 100
-    mrad_s = 1e5 * mm_s / board["axis_radius"]
+    mm_s, mrad_s = full_speeds(board)
     for names, value, unit, least, most in (
         ("gearbox, encoder_counts and full_speed", counts_s, "counts/s", 51, 25600),
         ("wheel_radius and full_speed", mm_s, "mm/s", 65, math.inf),
