@@ -8,11 +8,11 @@ import threading
 import time
 from typing import Any, Callable
 
-LOOK_S = 0.05
+LOOK_S = 0.1
 
 
 def wait_until(done: Callable[[], bool], timeout_s: float) -> bool:
-    """Wait until `done` is true, which is seen 50 ms late, or for `timeout_s` [s]; whether it is true."""
+    """Wait until `done` is true, which is seen 0.1 s late, or for `timeout_s` [s]; whether it is true."""
     end_s = time.monotonic() + timeout_s
     while not done():
         left_s = end_s - time.monotonic()

@@ -16,10 +16,12 @@ class Trail:
     def __init__(self) -> None:
         self.poses: List[Pose] = []
         self.distance_m = 0.0  # length of the path [m]
-        self._step_m, self._stamp_s = STEP_M, -math.inf
+        self._step_m, self._stamp_s = STEP_M, math.nan
 
-    def add(self, pose: Pose, stamp_s: float) -> None:
-        """Add the robot's pose at this time [s].  A pose that was set, to which no robot drives, begins a new path."""
+    def add(self, pose: Pose, stamp_s: float = math.nan) -> None:
+        """Add the robot's pose at this time [s].  If that is given, a pose that no robot could reach meanwhile was set,
+        and begins a new path.
+        """
         gap_s, self._stamp_s = abs(stamp_s - self._stamp_s), stamp_s
         if not self.poses:
             self.poses.append(pose)

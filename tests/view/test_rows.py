@@ -151,7 +151,7 @@ class Robot:
         vars(self).update(values)
 
     def on_telemetry(self, listener):
-        self.move = lambda x_m: listener(SimpleNamespace(pose=Pose(x_m, 0.0, 0.0)))
+        self.move = lambda x_m: listener(SimpleNamespace(pose=Pose(x_m, 0.0, 0.0), stamp_s=x_m))
 
     def on_event(self, listener):
         self.tell = listener
