@@ -5,9 +5,10 @@ import re
 import select
 import sys
 import termios
-import time
 import tty
 from typing import Any, List, Optional
+
+from mrl_driver.safety.message_age import clock_s
 
 _KEY = re.compile(rb"\x1b(?:O[!-~]|\[\[[A-E]|\[[0-?]*[!-/@-~])|.", re.DOTALL)
 """A key is a byte, or a sequence such as `ESC [ D` (left), `ESC [ 1 ; 2 D` (left with Shift), `ESC [ 7 $` (rxvt) and
@@ -36,11 +37,11 @@ class Keyboard:
 
     Attributes:
         pressed_s: earliest time at which the keys that `read` returned last may have reached the terminal
-            [s, `time.monotonic()`]: the end of the `read` before it, if they waited already.
+            [s, `clock_s`]: the end of the `read` before it, if they waited already.
     """
 
     def __init__(self) -> None:
-        self.pressed_s = self._looked_s = time.monotonic()
+        self.pressed_s = self._looked_s = clock_s()
         self._fds = [sys.stdin.fileno()] if sys.stdin.isatty() else []
         self._settings: Optional[List[Any]] = None
         self._begun = b""  # a sequence whose rest has not arrived
@@ -64,9 +65,9 @@ class Keyboard:
         ready, _, _ = select.select(self._fds, [], [], 0)
         if not ready:
             ready, _, _ = select.select(self._fds, [], [], timeout_s)
-            self.pressed_s = time.monotonic()
+            self.pressed_s = clock_s()
         keys = self._keys(ready[0]) if ready else []
-        self._looked_s = time.monotonic()
+        self._looked_s = clock_s()
         return keys
 
     def _keys(self, fd: int) -> List[str]:

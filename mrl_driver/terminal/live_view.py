@@ -1,10 +1,10 @@
 """The live view of a robot in the terminal, with keys to drive."""
 
 import math
-import time
 from typing import TYPE_CHECKING, Any, Callable, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import BoardTimeout, MrlError
+from mrl_driver.safety.message_age import clock_s
 from mrl_driver.safety.operator_delay import MAX_DELAY_S, DelayGuard
 from mrl_driver.view.live_model import LiveModel
 from mrl_driver.view.shown_state import Shown, has_motors, moves_sideways, state_of
@@ -45,7 +45,7 @@ class Screen:
         driver: Any,
         settings: Settings,
         log: Optional[FrameLog],
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = clock_s,
     ) -> None:
         self._clock, self._guard = clock, DelayGuard(settings.max_delay_s)
         self._pressed_s: Optional[float] = None
@@ -145,15 +145,15 @@ def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
 
     from .live_panels import render
 
-    console, start_s, shown_s = Console(), time.monotonic(), -math.inf
+    console, start_s, shown_s = Console(), clock_s(), -math.inf
     live = Live(
         console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False
     )
     with Keyboard() as keyboard, live:
-        while not screen.ended and time.monotonic() - start_s < seconds:
+        while not screen.ended and clock_s() - start_s < seconds:
             for key in keyboard.read(TICK_S):
                 screen.press(key, keyboard.pressed_s)
-            now_s = time.monotonic()
+            now_s = clock_s()
             screen.steer(now_s)
             if now_s >= shown_s + REFRESH_S:
                 shown_s = now_s

@@ -50,7 +50,7 @@ def run_lines(robot: TopicRobot, screen: DemoScreen) -> None:
     """Print a line every second until the end."""
     printed_s = -math.inf
     while not screen.ended and not robot.wait(0):
-        now_s = time.monotonic()
+        now_s = clock_s()
         screen.steer(now_s)
         if now_s >= printed_s + LINE_S:
             printed_s = now_s

@@ -1,7 +1,6 @@
 """The live view of the demonstration: also drives a square, and ends after a time.  Imports no ROS."""
 
 import math
-import time
 from typing import Optional
 
 from mrl_driver.navigation.line_follower import Square
@@ -29,11 +28,12 @@ class DemoScreen(Screen):
         self.square = Square() if square else None  # The square that is driven; None if none is
         self._duration_s = duration_s
         self._first_s: Optional[float] = None
+        self._now_s = 0.0
 
     @property
     def elapsed_s(self) -> float:
-        """Time since the first odometry [s]."""
-        return time.monotonic() - self._first_s if self._first_s is not None else 0.0
+        """Time from the first odometry to the last step [s]."""
+        return self._now_s - self._first_s if self._first_s is not None else 0.0
 
     def press(self, key: str, now_s: float) -> None:
         """Handle a key; a key that drives or stops ends the square."""
@@ -48,6 +48,7 @@ class DemoScreen(Screen):
         """Drive the square or as the keys say, until the time is over; ConfigError if the board has no motors."""
         if self._robot.model is not None:
             self._robot.model.require_odometry()
+        self._now_s = now_s
         if self._first_s is None and self.live.frames:
             self._first_s = now_s
         if self._duration_s and self.elapsed_s >= self._duration_s:

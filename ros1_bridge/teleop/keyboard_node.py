@@ -2,7 +2,6 @@
 
 import math
 import sys
-import time
 from typing import Any, Dict
 
 import rospy
@@ -39,11 +38,11 @@ def _drive(keyboard: Keyboard, out: OperatorCmdVel, linear_share: float, angular
         for key in keys:
             if key in ("q", "escape", "\x03"):
                 return
-            input_s = clock_s() - (time.monotonic() - keyboard.pressed_s)
+            input_s = keyboard.pressed_s
             teleop.press(key, keyboard.pressed_s)
             if key == "space":
                 out.hold(Twist(), input_s)
-        now_s = time.monotonic()
+        now_s = clock_s()
         linear, angular = teleop.command(now_s)
         lateral = teleop.slide(now_s) * linear_share
         twist = twist_of(linear * linear_share, angular * angular_share, lateral)

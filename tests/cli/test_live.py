@@ -29,6 +29,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.battery import EMPTY_AFTER_S
 from mrl_driver.robot.models import SonarMount
+from mrl_driver.safety.message_age import clock_s
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.terminal import live_panels, live_view
 from mrl_driver.terminal.canvas import Canvas, fit
@@ -36,7 +37,7 @@ from mrl_driver.terminal.frame_log import MOST_LINES, FrameLog
 from mrl_driver.terminal.keyboard import Keyboard
 from mrl_driver.terminal.live_panels import render
 from mrl_driver.terminal.live_view import Screen, Settings
-from mrl_driver.terminal.teleop_keys import HOLD_S
+from mrl_driver.terminal.teleop_keys import HOLD_S, LINEAR_M_S, Teleop
 from mrl_driver.view import trail
 from mrl_driver.view.rows import sections
 from sim_arduino.serve import factory
@@ -54,7 +55,7 @@ def watched(serve):
     port, log = serve(), FrameLog()
     with Driver(
         port.path,
-        options=Options(tap=lambda direction, data: log.add_bytes(direction, data, time.monotonic())),
+        options=Options(tap=lambda direction, data: log.add_bytes(direction, data, clock_s())),
     ) as driver:
         yield driver, port.board, log
 
@@ -62,7 +63,7 @@ def watched(serve):
 def picture(screen, width, height, color=None):
     out = io.StringIO()
     console = Console(file=out, width=width, height=height, color_system=color, force_terminal=True)
-    console.print(render(screen.content(time.monotonic()), width, height), end="")
+    console.print(render(screen.content(clock_s()), width, height), end="")
     return out.getvalue()
 
 
@@ -75,7 +76,7 @@ def test_the_view_fits_terminals_of_all_sizes(watched, size):
 
 def test_the_terminal_says_what_every_view_says(watched):
     driver, _, log = watched
-    content = Screen(driver, Settings(), log).content(time.monotonic())
+    content = Screen(driver, Settings(), log).content(clock_s())
     console = Console(file=io.StringIO(), width=120, height=40)
     console.print(render(content, 120, 40))
     text, told = console.file.getvalue(), sections(content.shown)
@@ -170,7 +171,7 @@ def test_a_key_that_waited_counts_from_the_look_before(terminal):
     """It may have been pressed at any time since then."""
     with Keyboard() as keyboard:
         keyboard.read(0.0)
-        before_s = time.monotonic()
+        before_s = clock_s()
         terminal(b"w")
         assert keyboard.read(1.0) == ["w"] and keyboard.pressed_s <= before_s
 
@@ -216,6 +217,25 @@ def test_the_view_drives_by_the_times_of_the_presses(monkeypatch):
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
     live_view.run(SimpleNamespace(wait=lambda seconds: False), screen)
     assert seen == [77.0, 77.0]
+
+
+def test_a_key_that_was_held_when_the_computer_was_suspended_does_not_drive_after_it(terminal, monkeypatch):
+    """The clock of timers stands still meanwhile; only that of the boot goes on."""
+    teleop, speeds, since_boot_s = Teleop(), [], time.clock_gettime
+
+    def steer(now_s):
+        speeds.append(teleop.command(now_s)[0])
+        if speeds == [0.0]:
+            terminal(b"w")
+        elif speeds[-1]:
+            monkeypatch.setattr(time, "clock_gettime", lambda clock: since_boot_s(clock) + 3600.0)
+            terminal(b"q")
+
+    screen = SimpleNamespace(ended=False, steer=steer, content=lambda now_s: None)
+    screen.press = lambda key, at_s: (teleop.press(key, at_s), setattr(screen, "ended", key == "q"))
+    monkeypatch.setattr(live_panels, "render", lambda *_: "")
+    live_view.run(SimpleNamespace(wait=lambda seconds: False), screen)
+    assert speeds == [0.0, LINEAR_M_S, 0.0]
 
 
 def test_keys_drive_only_after_enter(watched):
@@ -371,7 +391,7 @@ def test_live_view_shows_the_sensors_without_a_map_and_drives_nothing():
         screen.press("up", 0.0)
         screen.steer(0.0)
         console = Console(file=io.StringIO(), width=100, height=30)
-        console.print(render(screen.content(time.monotonic()), 100, 30))
+        console.print(render(screen.content(clock_s()), 100, 30))
         text = console.file.getvalue()
     assert "this board has no motors: no driving" in text and "500 count" in text
     assert not [words for words in ("path", "motion", "battery", "last stop") if words in text]

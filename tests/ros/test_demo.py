@@ -76,6 +76,7 @@ class Demo:
     def __init__(self, monkeypatch, square=False, duration_s=0.0, model="traxbot"):
         self.now_s = 100.0
         monkeypatch.setattr(time, "monotonic", lambda: self.now_s)
+        monkeypatch.setattr(time, "clock_gettime", lambda clock: self.now_s)
         self.published = []
         self.robot = TopicRobot(lambda *speeds: self.published.append(speeds), lambda: False, model)
         self.screen = DemoScreen(self.robot, "ROS_MASTER_URI=here", square, duration_s)

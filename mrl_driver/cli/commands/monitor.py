@@ -109,6 +109,7 @@ def _print_lines(driver: "Driver", run: Run, sender: Optional["UdpSender"]) -> N
 
 def watch_live(run: Run, keys_drive: bool = False, sender: Optional["UdpSender"] = None) -> None:
     """Run the live view; `keys_drive` refuses an empty battery, as `mrl drive` does."""
+    from mrl_driver.safety.message_age import clock_s
     from mrl_driver.safety.operator_delay import MAX_DELAY_S
     from mrl_driver.terminal import live_view
     from mrl_driver.terminal.frame_log import FrameLog
@@ -120,7 +121,7 @@ def watch_live(run: Run, keys_drive: bool = False, sender: Optional["UdpSender"]
     connection = run.connected(
         moves=keys_drive,
         command_timeout_s=STALL_S,
-        tap=lambda direction, data: log.add_bytes(direction, data, time.monotonic()),
+        tap=lambda direction, data: log.add_bytes(direction, data, clock_s()),
     )
     with answered(connection) as driver:
         shared.warn(driver)
