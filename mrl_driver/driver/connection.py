@@ -373,7 +373,7 @@ class Connection:
                 slept_s = time.clock_gettime(CLOCK_BOOTTIME) - now
                 if slept_s > self._slept_s + PAUSE_S:
                     session.resumed_s = now
-                    if session.motion.target is not None:
+                    if session.motion.target is not None or session.turning:
                         core.stop(now, StopReason.HOST_PAUSED)
                 self._slept_s = slept_s
                 if links.recording is None:

@@ -13,7 +13,7 @@ import pytest
 
 import mrl_driver
 from mrl_driver.driver import Driver, Options
-from mrl_driver.protocol.table import FAULTS
+from mrl_driver.protocol.table import BY_NAME, FAULTS
 from mrl_driver.session.events import Stale
 from mrl_driver.transport import relay
 from mrl_driver.transport.link import SerialLink
@@ -196,13 +196,20 @@ def robot(serve):
         yield driver
 
 
-def test_a_stop_because_the_machine_was_suspended(robot, monkeypatch):
+def turn_by_request(robot):
+    robot.stop()
+    robot.request(BY_NAME["move_motors"].code, 20, 20)
+
+
+@pytest.mark.parametrize("turn", [lambda robot: None, turn_by_request])
+def test_a_stop_because_the_machine_was_suspended(robot, monkeypatch, turn):
     """The clock of timers stands still meanwhile; only that of the boot goes on."""
+    turn(robot)
     since_boot_s = time.clock_gettime
     monkeypatch.setattr(time, "clock_gettime", lambda clock: since_boot_s(clock) + 3600.0)
-    wait_until(lambda: robot.command is None)
+    wait_until(lambda: robot.stop_reason == "host_paused")
     wait_until(lambda: robot.fake.speeds == (0, 0))
-    assert robot.stop_reason == "host_paused"
+    assert robot.command is None
 
 
 @pytest.mark.parametrize("version, stop", [(1, relay.STOP_2013), (2, relay.STOP)])
