@@ -79,8 +79,8 @@ class Scan(NamedTuple):
     @property
     def trouble(self) -> str:
         """Why the scan must not be used; empty if it may."""
-        if len(self.ranges) > MOST_RAYS:
-            return f"it has {len(self.ranges)} rays, expected at most {MOST_RAYS}"
+        if not 0 < len(self.ranges) <= MOST_RAYS:
+            return f"it has {len(self.ranges)} rays, expected 1 to {MOST_RAYS}"
         if not math.isfinite(self.first_rad + len(self.ranges) * self.step_rad):
             return f"its rays begin at {self.first_rad:g} rad with steps of {self.step_rad:g}, expected finite numbers"
         if not 0 <= self.near_m < math.inf:

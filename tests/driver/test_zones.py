@@ -212,6 +212,7 @@ ODD = [
     ({"mount": LASER._replace(x_m=math.nan)}, "its mount is"),
     ({"mount": LASER._replace(y_m=math.inf)}, "its mount is"),
     ({"mount": LASER._replace(yaw_rad=math.nan)}, "its mount is"),
+    ({"ranges": []}, "it has 0 rays"),
     ({"ranges": [2.0] * (MOST_RAYS + 1), "step_rad": 2 * math.pi / MOST_RAYS}, "it has 8193 rays"),
 ]
 
