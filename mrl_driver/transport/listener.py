@@ -23,14 +23,14 @@ READ_SIZE = 4096
 LONGEST = 1400  # longest datagram [byte]; Ethernet would split a longer one
 REASON = b"\r\nmrl serve: "
 """Begin of the line with which a bridge tells its client why it closes the connection."""
-MOST_DATAGRAMS = 32
-"""At most this many datagrams are looked at in one read: a flood by others does not hold up the caller."""
+MOST_DATAGRAMS = MOST_CONNECTIONS = 32
+"""At most this many are looked at in one call: a flood by others does not hold up the caller."""
 MOST_WAITING = 10_000  # more datagrams than the system keeps
 
 
 class TcpListener:
-    """Accepts TCP connections.  One that begins with a letter is closed: it is a browser's `GET` or `POST`, by which a
-    page of any site could send frames to this computer.
+    """Accepts TCP connections.  One that does not begin with a frame or a line end is closed: it may be a browser's
+    `GET`, `POST` or TLS, by which a page of any site could send frames to this computer.
 
     Raises:
         ConfigError: the address does not belong to this computer.
@@ -60,7 +60,7 @@ class TcpListener:
     def attend(self) -> bool:
         """Accept waiting connections; return True if there is a new client."""
         came = False
-        while True:
+        for _ in range(MOST_CONNECTIONS):
             try:
                 end, name = self._listening.accept()
             except OSError as error:
@@ -77,6 +77,7 @@ class TcpListener:
             prompt(end)
             self._end, self.client, came, self._silent = end, spell(name), True, True
             self._heard_s = time.monotonic()
+        return came
 
     def _make_room(self, client: socket.socket) -> None:
         """Drop the client if it has closed its connection already, or is silent."""
@@ -98,7 +99,7 @@ class TcpListener:
             return b""
         except OSError:
             data = b""
-        if not data or (self._silent and data[:1].isalpha()):
+        if not data or (self._silent and data[:1] not in b"@\r\n"):
             self.drop()
             return b""
         self._silent, self._heard_s = False, time.monotonic()

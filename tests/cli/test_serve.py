@@ -2,6 +2,7 @@
 
 import contextlib
 import signal
+import socket
 import subprocess
 import threading
 from pathlib import Path
@@ -15,7 +16,7 @@ from mrl_driver.driver.served_robot import ServedRobot
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, WrongRobot
 from mrl_driver.session.handshake import Board
-from mrl_driver.transport.listener import REASON, SILENT_S, listen
+from mrl_driver.transport.listener import MOST_CONNECTIONS, REASON, SILENT_S, listen
 from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.relay import STOP, STOP_2013, STOPS, Bridge
 from sim_arduino.serve import factory
@@ -72,15 +73,28 @@ def test_the_robot_stops_when_its_client_is_gone(served):
     wait_until(lambda: any("has left; the robot is stopped" in line for line in served.told))
 
 
-@pytest.mark.parametrize("method", [b"POST", b"GET"])
-def test_frames_in_a_request_of_a_browser_reach_no_board(method):
-    """A page of any site may have the browser send them to this computer."""
+@pytest.mark.parametrize("begin", [b"POST", b"GET", b"\x16\x03\x01\x02\x00\x01"])
+def test_frames_in_a_request_of_a_browser_reach_no_board(begin):
+    """A page of any site may have the browser send them to this computer; in TLS, in what a site had it keep."""
     listener = listen("tcp://127.0.0.1:0")
     with contextlib.closing(listener), contextlib.closing(open_link(str(listener.address))) as browser:
         wait_until(listener.attend)
-        browser.write(method + b" / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" + COMMAND)
+        browser.write(begin + b" / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" + COMMAND)
         wait_until(lambda: listener.read() or not listener.client)
         assert not listener.client
+
+
+def test_a_flood_of_connections_holds_up_no_client(monkeypatch):
+    accepted = []
+
+    def accept(_):
+        assert len(accepted) < MOST_CONNECTIONS
+        accepted.append(socket.socket())
+        return accepted[-1], ("127.0.0.1", 7)
+
+    with contextlib.closing(listen(f"tcp://{ADDRESS}")) as listener:
+        monkeypatch.setattr(socket.socket, "accept", accept)
+        assert listener.attend()
 
 
 @pytest.mark.parametrize(
