@@ -375,7 +375,7 @@ def test_umbmark_from_recordings(lab, tmp_path):
 
 @pytest.mark.parametrize(
     ("x_m", "world", "said"),
-    [(1.1, None, "the front sonar measures 0.8"), (0.0, "walls: []\n", "missed the wall")],
+    [(1.1, None, "the front sonar measures 0.8"), (0.0, "walls: []\n", "the front sonar measures inf")],
     ids=["0.8 m away, said to be 1.5", "no wall"],
 )
 def test_a_robot_that_was_put_too_near_to_the_wall_does_not_drive_into_it(lab, tmp_path, x_m, world, said):

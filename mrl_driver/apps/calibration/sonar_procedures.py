@@ -90,7 +90,7 @@ def _require_free_path(robot: Driver, distance_m: float) -> None:
         readings.append(robot.telemetry.ranges.get("front", np.nan) if robot.telemetry else np.nan)
     valid = sorted(each for each in readings if not math.isnan(each))
     range_m = valid[len(valid) // 2] if valid else math.nan
-    if not range_m >= MIN_RANGE_SHARE * distance_m:
+    if not MIN_RANGE_SHARE * distance_m <= range_m or (range_m == math.inf and 2 * distance_m < FARTHEST_M):
         got = f"measures {max(range_m, 0.0):.2f} m" if valid else "gives no reading"
         raise ConfigError(
             f"the front sonar {got}, expected about {distance_m:.2f} m to the wall: "
