@@ -34,6 +34,8 @@ LEAST_COUNTS = 6
 """The same in counts: the control sees a wheel with a slotted disc late, and the wheel may stand meanwhile."""
 FAST_SHARE, FAST_TICKS = 1.5, 10
 """A wheel that makes more than this share of the largest distance, over this many ticks, is too fast."""
+COAST_M_S2 = 0.2
+"""A wheel with a slower command slows down at least at this rate: one that coasts has its friction alone.  Assumed."""
 SLOWNESS = 0.5  # the wheel may accelerate this much more slowly than in the model (factor)
 HIDDEN_S = 0.8  # after a reversal, a wheel may keep accelerating in the old direction for this time [s]
 LEAST_RAMP_MS = 500  # shortest ramp to full speed that is assumed for a motor [ms]
@@ -88,6 +90,7 @@ class _Wheel:
     def __init__(self, name: str, least_m: float, acceleration_m_s2: float, latency_ticks: int) -> None:
         self._name, self._least_m = name, least_m
         self._acceleration_m_s2 = SLOWNESS * acceleration_m_s2
+        self._braking_m_s2 = min(COAST_M_S2, self._acceleration_m_s2)
         self._hidden_m_s = HIDDEN_S * acceleration_m_s2
         self._targets: Deque[float] = deque([0.0] * (latency_ticks + 1), maxlen=latency_ticks + 1)
         self._speeds = self._targets.copy()
@@ -114,9 +117,9 @@ class _Wheel:
         return self._too_slow(moved_m, dt_s) or self._too_fast(moved_m, dt_s)
 
     def _too_fast(self, moved_m: float, dt_s: float) -> Optional[Mismatch]:
-        """Compare with the fastest command, and with what was faster at the start or before, on the slowest ramp."""
+        """Compare with the fastest command, and with what was faster at the start or before, slowing down slowly."""
         before = abs(self._speeds[-1]) if self._fastest is None else self._fastest
-        self._fastest = max(*map(abs, self._targets), before - self._acceleration_m_s2 * dt_s)
+        self._fastest = max(*map(abs, self._targets), before - self._braking_m_s2 * dt_s)
         if not self._targets[-1]:  # a hand may push a robot that is to stand
             self._fastest_m.clear()
             self._made_m.clear()

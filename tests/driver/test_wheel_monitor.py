@@ -17,6 +17,7 @@ from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.models import Drive
 from mrl_driver.robot.odometry import WHEELS_BY_COUNT, FourWheels, Wheels
 from mrl_driver.safety.wheel_monitor import (
+    COAST_M_S2,
     DEAD,
     FAST,
     FAST_SHARE,
@@ -322,6 +323,7 @@ def test_a_wheel_that_makes_half_as_much_again_and_12_mm_more_in_ten_readings_is
     extra_m, followed
 ):
     watch = started(latency_s=0.0)
+    watch.read(0.0)
     counts = round((FAST_SHARE * STEP_M + extra_m / FAST_TICKS) / MICROMETRE)
     assert [watch.read(SPEED_M_S, counts) is None for _ in range(FAST_TICKS)] == [True] * 9 + [followed]
 
@@ -333,16 +335,20 @@ def test_a_wheel_that_a_hand_turns_while_it_is_to_stand_is_not_too_fast():
     ] * 3 * FAST_TICKS
 
 
-@pytest.mark.parametrize("way", [1, -1])
-def test_a_wheel_that_brakes_half_as_fast_as_in_the_model_is_not_too_fast(way):
+@pytest.mark.parametrize(
+    ("way", "model_m_s2", "slows_m_s2"), [(1, SLOW_M_S2, SLOW_M_S2 / 2), (-1, FAST_M_S2, COAST_M_S2)]
+)
+def test_a_wheel_that_brakes_half_as_fast_as_in_the_model_or_coasts_is_not_too_fast(
+    way, model_m_s2, slows_m_s2
+):
     """From 0.8 m/s, and from a first reading at this speed."""
     for begins in (Watch, started):
-        watch, speed_m_s = begins(SLOW_M_S2, latency_s=0.0), 0.8
+        watch, speed_m_s = begins(model_m_s2, latency_s=0.0), 0.8
         for _ in range(20 * (begins is started)):
             assert watch.read(way * 0.8, round(way * 0.8 * DT_S / MICROMETRE)) is None
         while speed_m_s > SPEED_M_S:
             assert watch.read(way * SPEED_M_S, round(way * speed_m_s * DT_S / MICROMETRE)) is None
-            speed_m_s -= SLOW_M_S2 / 2 * DT_S
+            speed_m_s -= slows_m_s2 * DT_S
 
 
 @pytest.mark.parametrize(("count_m", "followed"), [(2**-8, True), (0.999 * 2**-8, False)])
