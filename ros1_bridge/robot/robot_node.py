@@ -259,8 +259,11 @@ class RobotNode:
             )
         if is_other_version():
             rospy.logwarn(REBUILD)
-        curve_warning = driver.parameters.curve_warning(model) if self._parameters.zones_by_sonar else ""
-        for warning in filter(None, (driver.build_warning, curve_warning)):
+        warnings = [driver.build_warning]
+        if self._parameters.zones_by_sonar:
+            with contextlib.suppress(MrlError):  # a board that does not answer now does not end the node
+                warnings.append(driver.parameters.curve_warning(model))
+        for warning in filter(None, warnings):
             rospy.logwarn(warning)
         if model.drives and not model.has_odometry:
             rospy.logwarn(NO_ODOMETRY)

@@ -7,6 +7,7 @@ import signal
 import sys
 import threading
 from types import SimpleNamespace
+from unittest import mock
 
 import pytest
 import rosgraph
@@ -31,6 +32,7 @@ from std_msgs.msg import Float64, Header
 from mrl_driver import geometry
 from mrl_driver.driver import suspension
 from mrl_driver.driver.options import QUEUED_S, Options
+from mrl_driver.driver.parameters import Parameters
 from mrl_driver.errors import BoardTimeout, LinkLost
 from mrl_driver.recording.recording import Recording
 from mrl_driver.robot import models, wirings
@@ -611,6 +613,11 @@ def test_zones_by_sonars_warn_of_another_curve_on_the_board(node, sonar_a, zones
         node.levels(long + "mrl config set sonar_a 11767 sonar_b 9466 sonar_c -3759 --port")
         == ["warn"] * warned
     )
+
+
+def test_a_board_that_does_not_answer_for_a_warning_does_not_end_the_node(node, monkeypatch):
+    monkeypatch.setattr(Parameters, "curve_warning", mock.Mock(side_effect=BoardTimeout("no answer")))
+    assert node.run(given={"zones": "sonars"}) == 0
 
 
 @pytest.mark.parametrize("parts, code", [("odometry status", 0), ("all", 1)])
