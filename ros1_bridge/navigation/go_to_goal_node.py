@@ -69,17 +69,18 @@ class OdometryGap:
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._before: Optional[Tuple[Pose, float]] = None
+        self._heard_s = math.inf
         self.waiting = False  # The last odometry is too old to drive by
         self.why = ""  # Why the goal must be given up; empty if it need not be
 
     def update(self, pose: Pose, heard_s: float, now_s: float) -> bool:
         """Judge the last pose, which came at `heard_s`; True if the robot can drive by it."""
-        silent_s = now_s - heard_s
+        silent_s, last_s, self._heard_s = now_s - heard_s, self._heard_s, heard_s
         self.waiting = silent_s > ODOM_LATE_S
+        if max(silent_s, heard_s - last_s) > ODOM_GONE_S:  # or this computer was suspended meanwhile
+            self.why = "odometry has stopped"
         if self.waiting:
             self._before = pose, heard_s
-            if silent_s > ODOM_GONE_S:
-                self.why = "odometry has stopped"
         elif self._before is not None:
             before, before_s = self._before
             self._before, gap_s = None, heard_s - before_s

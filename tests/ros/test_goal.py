@@ -97,6 +97,13 @@ def test_goal_goes_on_when_odometry_is_back_from_two_seconds_of_silence_where_it
     assert gap.update(pose, heard_s, now_s) == (not why) and gap.why.startswith(why)
 
 
+def test_goal_ends_if_its_node_stood_still_until_odometry_came_again():
+    """As on a computer that was suspended, where that may come before the node looks."""
+    gap = OdometryGap(LIMITS)
+    assert gap.update(Pose(1.0, 0.0, 0.0), 0.0, 0.05)
+    assert not gap.update(Pose(1.0, 0.0, 0.0), 3.1, 3.15) and gap.why == "odometry has stopped"
+
+
 def test_a_goal_counts_the_time_for_which_the_computer_was_suspended(monkeypatch):
     since_boot_s, begun_s = time.clock_gettime, clock_s()
     monkeypatch.setattr(time, "clock_gettime", lambda clock: since_boot_s(clock) + 3600.0)
