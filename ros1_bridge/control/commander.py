@@ -14,7 +14,7 @@ from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import Limits
-from mrl_driver.safety.message_age import clock_s
+from mrl_driver.safety.message_age import slept_s
 from mrl_driver.safety.protective_zones import Zones
 from mrl_driver.safety.speed_limiter import FASTEST_MANUAL_M_S, reduced
 from mrl_driver.session.session import STALE_S
@@ -65,7 +65,7 @@ class Commander:
         self._lock = new_lock("limits")
         self._limits: Optional[Limits] = None
         self._held = self._commanded = self._lost = False
-        self._slept_s = clock_s() - time.monotonic()
+        self._slept_s = slept_s()
         self._stops = 0  # stops so far: a command that one of them overtakes is not in force
         self.late_commands = 0  # operators' commands that arrived too late to be followed
         self._wheels = WheelMotion(driver)
@@ -224,7 +224,7 @@ class Commander:
 
     def _watch_suspension(self) -> None:
         """End all goals if the computer was suspended: nobody expects the robot to set off when it is woken."""
-        before_s, self._slept_s = self._slept_s, clock_s() - time.monotonic()
+        before_s, self._slept_s = self._slept_s, slept_s()
         if self._slept_s > before_s + LOST_S:
             self.end_goals()
 

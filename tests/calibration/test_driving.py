@@ -1,5 +1,7 @@
 """Motors that a calibration turns by itself, past the driver's own watch."""
 
+import time
+
 import pytest
 
 from mrl_driver.apps.calibration import manoeuvres
@@ -40,6 +42,20 @@ def test_a_silence_or_a_restart_ends_a_course_and_the_robot_stands(driven, fault
         manoeuvres.straight(robot, 0.5, manoeuvres.Speeds())
     robot.wait(0.5)
     assert all(motor.at_rest for motor in plant.robot.motors)
+
+
+def test_a_course_does_not_go_on_when_a_suspended_computer_is_woken(driven, monkeypatch):
+    _, robot = driven(SILENCE, world="square")
+    since_boot_s, wait = time.clock_gettime, robot.wait
+
+    def suspend(seconds):
+        wait(seconds)
+        monkeypatch.setattr(time, "clock_gettime", lambda clock: since_boot_s(clock) + 3600.0)
+
+    monkeypatch.setattr(robot, "wait", suspend)
+    with pytest.raises(BoardTimeout):
+        manoeuvres.straight(robot, 0.5, manoeuvres.Speeds())
+    assert robot.command is None and robot.now_s < SILENT_S
 
 
 def test_motors_are_not_turned_on_without_telemetry(driven):

@@ -7,7 +7,7 @@ import pytest
 from mrl_driver.errors import FrameError, LinkLost
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.inputs import Inputs
-from mrl_driver.safety.message_age import clock_s
+from mrl_driver.safety.message_age import slept_s
 from ros1_bridge.control import commander
 from ros1_bridge.control.commander import LOST_S, Commander
 from ros1_bridge.control.velocity_sources import Source
@@ -124,7 +124,7 @@ def test_goals_outlive_a_gap_that_is_short_or_not_of_the_link(bench, ready, age_
 def test_goals_end_if_the_computer_was_suspended(bench, monkeypatch, notices):
     """Its monotonic clock stood still meanwhile."""
     bench.plan(1.0)
-    monkeypatch.setattr(commander, "clock_s", lambda: clock_s() + LOST_S + 0.1)
+    monkeypatch.setattr(commander, "slept_s", lambda: slept_s() + LOST_S + 0.1)
     notices(bench, 0.1)
     assert bench.order == ["stop", ALL]
     assert bench.plan(60.0) == {False} and bench.driver.command is None

@@ -16,6 +16,7 @@ from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.odometry import AnyWheels, FourWheels
 from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.safety.message_age import slept_s
 from mrl_driver.view.words import stop_error
 
 TICK_S = 0.05
@@ -130,10 +131,10 @@ def follow(robot: Driver, steer: Callable[[Pose], Command], patience_s: float) -
     """Drive by `steer`, which returns speeds for a pose, or None at the end; then come to rest.
 
     WheelFault if a wheel did not follow its command.  BoardTimeout if the robot accepted no command for `HELD_UP_S`,
-    its board restarted, or it did not arrive within `patience_s`.
+    its board restarted, this computer was suspended, or it did not arrive within `patience_s`.
     """
     waited_s = refused_s = 0.0
-    restarts = robot.link.statistics.restarts
+    restarts, most_s = robot.link.statistics.restarts, slept_s() + HELD_UP_S
     while True:
         command = steer(robot.pose)
         if command is None:
@@ -141,7 +142,7 @@ def follow(robot: Driver, steer: Callable[[Pose], Command], patience_s: float) -
         refused_s = 0.0 if robot.drive(*command) else refused_s + TICK_S
         if robot.mismatch is not None:
             raise stop_error(robot, "stopped early")
-        if refused_s > HELD_UP_S or robot.link.statistics.restarts != restarts:
+        if refused_s > HELD_UP_S or robot.link.statistics.restarts != restarts or slept_s() > most_s:
             error = stop_error(robot, "the robot accepted no command")
             robot.stop()
             raise error
