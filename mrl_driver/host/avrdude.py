@@ -2,8 +2,8 @@
 
 import os
 import re
+import select
 import subprocess
-from functools import partial
 from typing import Callable, List, Optional, Sequence, Tuple, Type
 
 from mrl_driver import errors
@@ -20,14 +20,25 @@ _BOARDS = {ATMEGA328P: "-p m328p -c arduino", ATMEGA2560: "-p m2560 -c wiring"}
 PROGRAM = "avrdude"
 MARKS = 100  # number of progress marks of an upload: 50 for writing, 50 for reading back
 _ATTEMPTS, _EARLY_ATTEMPTS = 3, 2
-"""Attempts before giving up, at the last baud rate and at those before.  avrdude makes ten of 5 s each; a board that
-fails three never answers."""
+"""Failed attempts before giving up, at the last baud rate and at those before.  avrdude makes ten of 5 s each to reach
+a bootloader; a board that fails three never answers."""
 HALF = "the board may have half a firmware, which may turn the motors: switch their power off, then flash it again"
 """What an upload that was cut may leave: pages of the new firmware next to those of the old one."""
-_ATTEMPT = re.compile(r"attempt (\d+) of \d+: not in sync")
+_WRITES = "Writing |"
+_UNREACHED, _SILENT = r"attempt \d+ of \d+: not in sync", "not responding|out of sync|timeout"
+"""What avrdude says after each attempt before it writes, and from then on for each answer that is missing: it tries the
+next page, which takes hours for all of them.
+"""
+SILENT_S = 20.0
+"""avrdude says something each 5 s.  If the port goes away, it says nothing and never ends [s]."""
 
 
 _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
+    (
+        "(open|reading|process|locate) .*config",
+        ConfigError,
+        "avrdude does not find its own configuration file; install both with: sudo apt install avrdude",
+    ),
     ("permission denied", errors.PortDenied, "{denied}"),
     (
         "resource busy|locked",
@@ -51,15 +62,15 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
         f"{{port}} went away during the upload; {HALF}, and check the cable",
     ),
     (
-        "not in sync|not responding",
+        rf"(?s){re.escape(_WRITES)}.*({_SILENT}|timed out|protocol)",
+        errors.BoardTimeout,
+        f"{{port}} stopped answering, or bytes were damaged, during the upload; {HALF}, after a reset",
+    ),
+    (
+        "not in sync|not responding|timeout|timed out|protocol",
         NotARobot,
         "no bootloader answers at {port} (not in sync): check that it is an Arduino Uno, Nano or Mega, unplug "
         "everything from D0 and D1 (such as an XBee shield), press reset and try again",
-    ),
-    (
-        "timeout|timed out",
-        errors.BoardTimeout,
-        f"{{port}} stopped answering during the upload; {HALF}, after a reset",
     ),
     ("file format|invalid record|checksum", ConfigError, "{image} is damaged, expected Intel HEX"),
 )
@@ -98,7 +109,7 @@ def upload(
 
 
 def _run(words: List[str], advance: Callable[[float], None], most_attempts: int) -> Optional[str]:
-    """Run avrdude, with at most this many attempts to reach the bootloader; return its output if it failed, or None."""
+    """Run avrdude until `most_attempts` have failed, or it falls silent; return its output if it failed, or None."""
     null, output = subprocess.DEVNULL, ""
     try:
         process = subprocess.Popen(words, stdin=null, stdout=null, stderr=subprocess.PIPE)
@@ -106,15 +117,19 @@ def _run(words: List[str], advance: Callable[[float], None], most_attempts: int)
         raise ConfigError("avrdude is not installed; install it with: sudo apt install avrdude") from None
     try:
         assert process.stderr is not None
-        for chunk in iter(partial(os.read, process.stderr.fileno(), 4096), b""):
-            text = chunk.decode("utf-8", "replace")
+        while select.select([process.stderr], [], [], SILENT_S)[0]:
+            text = os.read(process.stderr.fileno(), 4096).decode("utf-8", "replace")
+            if not text:
+                process.wait()
+                break
             output += text
             advance(text.count("#"))
-            attempts = _ATTEMPT.findall(output)
-            if attempts and int(attempts[-1]) >= most_attempts:
+            before, writes, since = output.partition(_WRITES)
+            failed = re.findall(_SILENT, since) if writes else re.findall(_UNREACHED, before)
+            if len(failed) >= most_attempts:
                 break
         else:
-            process.wait()
+            output += "timeout"
     finally:
         process.terminate()
         process.wait()

@@ -11,7 +11,17 @@ import pytest
 
 from mrl_driver.cli.commands import flash as command
 from mrl_driver.driver.probe import Answer
-from mrl_driver.errors import BoardRefused, LinkLost, MrlError, NotARobot, PortBusy, PortDenied, PortMissing
+from mrl_driver.errors import (
+    BoardRefused,
+    BoardTimeout,
+    ConfigError,
+    LinkLost,
+    MrlError,
+    NotARobot,
+    PortBusy,
+    PortDenied,
+    PortMissing,
+)
 from mrl_driver.host import avrdude
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
@@ -26,6 +36,7 @@ from .run import fails, mrl
 HEX = ":10000000000102030405060708090A0B0C0D0E0F78\n:00000001FF\n"
 NOT_IN_SYNC = "avrdude warning: attempt {0} of 10: not in sync: resp=0x00\n"
 """Of avrdude 7.1, as all the words below."""
+WRITING = "Writing | ##---- | 4% 0.10s\n"
 
 
 @pytest.fixture
@@ -44,11 +55,11 @@ def bootloader(close_later):
 def stand_in(tmp_path, monkeypatch):
     """A program called avrdude that notes its words, says something, and ends so."""
 
-    def install(says="", code=0, signals=False):
+    def install(says="", code=0, signals=False, hangs=False):
         program = tmp_path / "bin" / "avrdude"
         program.parent.mkdir()
         noted = tmp_path / "noted"
-        ends = "exec sleep 30" if "attempt 3" in says else f"exit {code}"
+        ends = "exec sleep 30" if hangs else f"exit {code}"
         if signals:
             ends = "kill -INT $PPID; exec sleep 30"
         program.write_text(
@@ -92,7 +103,7 @@ def test_another_chip_is_not_written(bootloader, image, kind, chip):
 
 
 def test_a_board_that_is_not_in_sync_is_given_up_after_the_third_attempt(stand_in, image):
-    noted = stand_in("".join(map(NOT_IN_SYNC.format, (1, 2, 3))))
+    noted = stand_in("".join(map(NOT_IN_SYNC.format, (1, 2, 3))), hangs=True)
     with pytest.raises(NotARobot, match="press reset"):
         avrdude.upload("/dev/ttyACM7", image)
     words = noted.read_text().splitlines()
@@ -103,11 +114,14 @@ def test_a_board_that_is_not_in_sync_is_given_up_after_the_third_attempt(stand_i
 @pytest.mark.parametrize(
     ("said", "kind"),
     [
+        ('avrdude: can\'t open config file "/avrdude.conf": No such file or directory', ConfigError),
         ("avrdude OS error: cannot open port /dev/ttyACM7: No such file or directory", PortMissing),
         ("avrdude OS error: cannot open port /dev/ttyACM7: Permission denied", PortDenied),
         ("avrdude OS error: cannot open port /dev/ttyACM7: Device or resource busy", PortBusy),
         ("avrdude OS error: unable to read: Input/output error", LinkLost),
         ("avrdude: stk500_getsync() attempt 1 of 10: not in sync: resp=0x00", NotARobot),
+        ("avrdude error: timeout communicating with programmer", NotARobot),
+        ("avrdude error: protocol expects OK byte 0x10 but got 0xfc", NotARobot),
         ("avrdude: Expected signature for ATmega328P is 1E 95 0F", BoardRefused),
         ("avrdude: verification error, first mismatch at byte 0x0000", BoardRefused),
         ("avrdude error: the moon is full", MrlError),
@@ -133,9 +147,36 @@ def test_names_with_words_of_errors_are_no_errors(said, kind):
     assert (kind is MrlError) == str(error).endswith("the moon is full: error")
 
 
-@pytest.mark.parametrize("said", ["Input/output error", "verification error", "stk500_recv(): timed out"])
+@pytest.mark.parametrize(
+    "said",
+    ["Input/output error", "verification error", WRITING + "stk500_recv(): programmer is not responding"],
+)
 def test_an_upload_that_was_cut_warns_of_half_a_firmware(said):
     assert "which may turn the motors" in str(avrdude.explain(said, "/dev/ttyACM7", "image.hex"))
+
+
+@pytest.mark.parametrize(
+    "said", ["avrdude error: programmer is not responding\n", "avrdude error: timeout\n"]
+)
+def test_a_board_that_falls_silent_during_the_upload_is_given_up(stand_in, image, said):
+    """avrdude would go on with the next page, for hours."""
+    stand_in(WRITING + 3 * said, hangs=True)
+    with pytest.raises(BoardTimeout, match="which may turn the motors"):
+        avrdude.upload("/dev/ttyACM7", image)
+
+
+def test_an_avrdude_that_falls_silent_during_the_upload_is_ended(stand_in, image, monkeypatch):
+    """It says nothing of a port that has gone away, and computes without end."""
+    heard = iter([[1], []])
+    monkeypatch.setattr(avrdude.select, "select", lambda *_: (next(heard), [], []))
+    stand_in(WRITING, hangs=True)
+    with pytest.raises(BoardTimeout, match="which may turn the motors"):
+        avrdude.upload("/dev/ttyACM7", image)
+
+
+def test_a_byte_that_is_damaged_while_the_real_avrdude_writes_warns_of_half_a_firmware(bootloader, image):
+    with pytest.raises(BoardTimeout, match="which may turn the motors"):
+        avrdude.upload(bootloader(damaged_write=True).path, image)
 
 
 def test_an_upload_that_ctrl_c_cuts_warns_of_half_a_firmware(stand_in, serve):
