@@ -15,6 +15,10 @@ TEXT_BYTES = 16
 BROADCAST = 0xFFFF  # address of all radios in range
 DISCOVERY_S = 6.5
 """Time of a search [s]: an XBee waits 6 s for the answers of other radios (its parameter NT is 60 at first)."""
+NO_ANSWER = (
+    "no other radio has answered; check that they are on and belong to the same network (PAN), and that this board's "
+    "XBee is in API mode 1 (its parameter AP is 1, not 2) at 9600 baud"
+)
 TEXT_IN, TEXT_OUT, SEARCH = (BY_NAME[name].code for name in ("xbee_text", "send_xbee", "discover_xbee"))
 LINE_BAUD = 9600  # baud rate between board and XBee [Bd]
 PACKET_BYTES = 18

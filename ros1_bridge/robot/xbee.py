@@ -11,7 +11,7 @@ from diagnostic_msgs.srv import SelfTest, SelfTestResponse
 
 from mrl_driver.driver import Driver
 from mrl_driver.errors import MrlError
-from mrl_driver.robot.radio import WAITING, RadioNode, format_address, parse_address
+from mrl_driver.robot.radio import NO_ANSWER, WAITING, RadioNode, format_address, parse_address
 
 SEND, DISCOVER = "xbee/send", "xbee/discover"
 WARN_EVERY_S = 1.0
@@ -50,7 +50,8 @@ class Radio:
             nodes = self._driver.radio.discover()
         except MrlError as error:
             return SelfTestResponse(str(error), 0, [])
-        return SelfTestResponse(f"{len(nodes)} radios have answered", 1, [_status_of(node) for node in nodes])
+        words = f"{len(nodes)} radios have answered" if nodes else NO_ANSWER
+        return SelfTestResponse(words, 1, [_status_of(node) for node in nodes])
 
 
 def _status_of(node: RadioNode) -> DiagnosticStatus:

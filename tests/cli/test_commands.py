@@ -19,7 +19,7 @@ from click.shell_completion import BashComplete
 
 from mrl_driver.apps.review import drive_data
 from mrl_driver.cli import main
-from mrl_driver.cli.commands.radio import print_texts
+from mrl_driver.cli.commands.radio import print_nodes, print_texts
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.driver.simulated import SteppedDriver
@@ -325,6 +325,13 @@ def test_discover_as_json(serve):
     assert nodes[0] == {"address": "0013a20040a1b2c3", "network": "0001"} and len(nodes) == 2
 
 
+def test_a_search_without_an_answer_names_the_settings_of_the_own_radio(robot, capsys):
+    """A radio in API mode 2 escapes bytes of its packets, which the board then cannot read."""
+    robot.engine.board.nodes = ()
+    print_nodes(robot, 0.1, False)
+    assert "API mode 1" in capsys.readouterr().out
+
+
 def test_texts_of_strangers_give_no_orders_to_the_terminal(robot, capsys):
     board = robot.engine.board
     robot.on_telemetry(lambda _: None if board.told else board.hear(PEER, "a\x1b[2J\r\nb"))
@@ -447,6 +454,13 @@ def test_output_that_cannot_be_written_costs_a_line():
     assert done.returncode == OutputError.exit_code
     text = "the output cannot be written: No space left on device; free disk space, or choose another folder"
     assert done.stderr == f"mrl: {text}  [output_error]\n"
+
+
+def test_a_module_called_serial_that_is_not_pyserial_is_named(tmp_path):
+    (tmp_path / "serial.py").touch()
+    done = python("-m", "mrl_driver", "info", "--port", "/dev/null", path=tmp_path)
+    assert done.returncode == ConfigError.exit_code and done.stderr.count("\n") == 1
+    assert f"{tmp_path}/serial.py is not pyserial" in done.stderr
 
 
 def test_ctrl_c_while_it_still_loads_says_nothing(tmp_path):

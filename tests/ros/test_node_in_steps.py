@@ -938,6 +938,8 @@ def test_a_radio_sends_texts_and_finds_others(node, monkeypatch):
             DiagnosticStatus(0, key, "radio", "", [KeyValue("address", key), KeyValue("network", network)])
             for key, network in (("0013a20040a1b2c3", "0012"), (f"{7:016x}", "fffe"))
         ]
+        monkeypatch.setattr(radio, "discover", lambda: [])
+        assert "API mode 1" in node.call("xbee/discover").id
         monkeypatch.setattr(radio, "discover", fail(LinkLost("gone")))
         lost = node.call("xbee/discover")
         assert (lost.passed, lost.id, lost.status) == (0, "gone", [])

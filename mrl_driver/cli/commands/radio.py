@@ -65,7 +65,7 @@ def print_nodes(driver: "Driver", seconds: float, as_json: bool) -> None:
     for node in nodes:
         click.echo("  ".join(node))
     if not nodes:
-        click.echo("no other radio has answered; check that they are on and belong to the same network (PAN)")
+        click.echo(xbee.NO_ANSWER)
 
 
 @radio.command()
