@@ -45,9 +45,11 @@ link_lost: PORT went away
   also: stopped: the connection to the robot was lost
   also: The connection to the robot was lost
   also: the port went away and is searched
-  cause: The cable was pulled, the board lost its power, or the network or radio was interrupted. The board stops the
-    robot by its watchdog; a board with the firmware of 2013 does not.
-  remedy: check the plug and the cable, or the radio's range
+  cause: The cable was pulled, the board lost its power, motors disturbed its USB so that the computer dropped it (dmesg
+    says EMI), or the network or radio was interrupted. The board stops the robot by its watchdog; a board with the
+    firmware of 2013 does not.
+  remedy: check the plug and the cable, or the radio's range; if it happens when motors start, solder 100 nF across each
+    motor and keep the cable away from their wires
 modem_manager: runs, and may keep the port busy for some seconds after the board is plugged in
   cause: ModemManager writes to new serial ports to find modems.
   remedy: run mrl system install as root
@@ -77,8 +79,8 @@ not_a_robot: no answer to '@29e'
   also: this port sends text at another baud rate, or another device is on it
   also: the bytes that were sent come back
   cause: The board has no power or no firmware of this project, another device is on the port, or the baud rate is
-    another one.
-  remedy: check power and cable, then upload the firmware with: mrl flash --port PORT
+    another one. A Nano or Mega with an old bootloader hangs after its watchdog has restarted it.
+  remedy: check the cable, switch power off and on, then upload the firmware with: mrl flash --port PORT
 wrong_robot: the board is NAME, expected NAME
   also: The robot model is not that of the robot
   also: no packaged model lists VALUE
@@ -129,8 +131,11 @@ wiring: The bridge or its wiring is not set
   remedy: store the robot's file with: mrl flash --robot FILE --port PORT, and
     mrl set-id ID --robot FILE --port PORT; then run mrl calibrate wiring --port PORT
 sensor: An environment sensor does not answer
-  cause: The sensor has answered since the start, and does not any more.
-  remedy: check the I2C wires and power of the thermopile (0x68) and the compass (0x60)
+  also: the echo of an HC-SR04 is held high
+  cause: The sensor has answered since the start, and does not any more; or an HC-SR04 hangs, has no 5 V, or its echo
+    touches another wire.
+  remedy: check the I2C wires and power of the thermopile (0x68) and the compass (0x60), or the 5 V and the wires of the
+    HC-SR04; switch power off and on
 sensor_silent: no reading
   cause: The board has the sensor, and has sent no reading of it.
   remedy: check its wires, see HARDWARE.md
