@@ -10,7 +10,7 @@ ADDRESSES = (0x68, 0x69)  # the environment-sensor build has its thermopile at t
 SEARCH_S = 0.504  # time between two searches, at one address after the other [s]
 SETTLED_S = 0.056  # time after the set-up until the first reading [s]
 LOOK_S = 0.504  # time between two looks at an IMU that nobody reads [s]
-_KNOWN = (0x68, 0x70, 0x71, 0x73)  # WHO_AM_I of MPU-6050, 6500, 9250 and 9255
+_KNOWN = (0x68, 0x70, 0x71, 0x73, 0x98)  # WHO_AM_I of MPU-6050, 6500, 9250 and 9255, and ICM-20689
 _POWER, _SAMPLE_RATE, _GYRO_CONFIG, _WHO_AM_I, _GYRO_DATA, _ACCEL_DATA = 0x6B, 0x19, 0x1B, 0x75, 0x43, 0x3B
 _SCALE = 0x08
 """GYRO_CONFIG for 500 deg/s; every chip of the family has another scale after a loss of its power."""

@@ -2,7 +2,7 @@
 
 from typing import Dict, Tuple
 
-MPU_6050, MPU_6500, MPU_9250, MPU_9255 = 0x68, 0x70, 0x71, 0x73
+MPU_6050, MPU_6500, MPU_9250, MPU_9255, ICM_20689 = 0x68, 0x70, 0x71, 0x73, 0x98
 WHO_AM_I, POWER, GYRO_CONFIG, ACCEL_DATA, GYRO_DATA = 0x75, 0x6B, 0x1B, 0x3B, 0x43
 SET_UP = {POWER: 0x01, 0x19: 4, 0x1A: 3, GYRO_CONFIG: 0x08, 0x1C: 0, 0x1D: 3}
 """Registers that the firmware must set, and their values."""

@@ -62,7 +62,8 @@ def test_a_chip_at_either_address_is_found_and_set_up(fitted, address, library):
 
 
 @pytest.mark.parametrize(
-    "who_am_i", [imu_chip.MPU_6050, imu_chip.MPU_6500, imu_chip.MPU_9250, imu_chip.MPU_9255]
+    "who_am_i",
+    [imu_chip.MPU_6050, imu_chip.MPU_6500, imu_chip.MPU_9250, imu_chip.MPU_9255, imu_chip.ICM_20689],
 )
 def test_chips_of_the_family_are_accepted(fitted, who_am_i):
     assert capabilities(fitted(who_am_i=who_am_i)) & CAPABILITY

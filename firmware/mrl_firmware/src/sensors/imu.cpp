@@ -26,7 +26,8 @@ constexpr uint32_t PATIENCE = board_clock::of_ms(3);
 // Every chip of the family has another scale after a loss of its power.
 constexpr uint8_t GYRO_SCALE = 0x08;  // 500 deg/s
 
-enum Chip : uint8_t { MPU_6050 = 0x68, MPU_6500 = 0x70, MPU_9250 = 0x71, MPU_9255 = 0x73 };
+// Many modules that are sold with an MPU-6050 have an ICM-20689, or a copy that gives its identity.
+enum Chip : uint8_t { MPU_6050 = 0x68, MPU_6500 = 0x70, MPU_9250 = 0x71, MPU_9255 = 0x73, ICM_20689 = 0x98 };
 enum Register : uint8_t {
   SAMPLE_RATE = 0x19,
   GYRO_CONFIG = 0x1B,
@@ -84,7 +85,7 @@ void lose(bool hung) {
 }
 
 bool is_of_family(uint8_t chip) {
-  return chip == MPU_6050 || chip == MPU_6500 || chip == MPU_9250 || chip == MPU_9255;
+  return chip == MPU_6050 || chip == MPU_6500 || chip == MPU_9250 || chip == MPU_9255 || chip == ICM_20689;
 }
 
 void take(uint8_t* into) {
