@@ -12,7 +12,7 @@ import rospy
 from rospy.impl.registration import get_registration_listeners
 
 from mrl_driver.errors import ConfigError, MrlError
-from mrl_driver.waits import wait_until
+from mrl_driver.waits import later, wait_until
 
 from .master_watch import await_master
 from .parameters import Row, read, usage
@@ -20,6 +20,7 @@ from .parameters import Row, read, usage
 RESPAWN = "MRL_RESPAWN"
 """Variable of the environment: true if roslaunch starts the node again when it ends."""
 RETRY_S = 30.0  # An address of this computer may be there then, as behind Wi-Fi
+CLOCK_S = 5.0  # A simulation that starts together with the node publishes /clock within this time
 
 
 def node(
@@ -49,6 +50,8 @@ def _run_node(name: str, parameters: Any, run: Callable[[Any], Optional[int]], r
     try:
         await_master(rosgraph.get_master_uri(), rospy.logwarn)
         rospy.init_node(name, disable_signals=True)
+        if not rospy.rostime.is_wallclock():
+            later(CLOCK_S, _tell_missing_clock)
         # A node that has taken this one's name ends it, and would be ended by what this one registers after that.
         # What it unregisters, it still reports.
         rospy.on_shutdown(lambda: setattr(get_registration_listeners(), "notify_added", lambda *_: None))
@@ -68,6 +71,15 @@ def _run_node(name: str, parameters: Any, run: Callable[[Any], Optional[int]], r
                 wait_until(rospy.is_shutdown, RETRY_S)
             return error.exit_code
     return 0
+
+
+def _tell_missing_clock() -> None:
+    if not rospy.get_time():
+        rospy.logwarn(
+            "use_sim_time is true, and nobody publishes /clock: the time stands at 0, and nodes refuse such stamps; "
+            "start what publishes it, or for a real robot run: rosparam set use_sim_time false, and start all nodes "
+            "again"
+        )
 
 
 def _end_on_signals() -> None:

@@ -238,6 +238,7 @@ def test_robot_is_driven_on_and_stopped_without_master_and_clock(own_master, tmp
         wire = rig.tap(rig.board().port)
         node = rig.node(wire.port, "_cmd_vel_timeout:=0.5", "_cmd_vel_pause:=0")  # the source never pauses
         wire.wait_for(STOP, 0.0)
+        wait_until(lambda: any("nobody publishes /clock" in line for line in node.output()))
         parameters.deleteParam("/test", "/use_sim_time")
         words = ["pub", "-r", "20", f"{rig.ns}/cmd_vel", "geometry_msgs/Twist", "{linear: {x: 0.1}}"]
         source = rig.start("rostopic", "rostopic", *words)
