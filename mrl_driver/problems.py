@@ -15,10 +15,11 @@ port_missing: PORT does not exist
   also: PORT is not a serial port
   also: PORT cannot be opened
   also: expected a serial port
-  cause: The board is not plugged in, has another port today, or the name is misspelt. In a virtual machine or a
-    container, the port must be passed on. If it vanishes a second after the board was plugged in, brltty has taken
-    its adapter for a Braille display. The port of an emulated robot is in the folder where mrl-sim was started, with
-    the name that its --link got.
+  cause: The board is not plugged in, has another port today, or the name is misspelt. Its cable may have no wires for
+    data, and some boards with USB-C need a cable with USB-A at the computer. In a virtual machine, a container or
+    WSL (by usbipd), the port must be passed on. If it vanishes a second after the board was plugged in, brltty has
+    taken its adapter for a Braille display. The port of an emulated robot is in the folder where mrl-sim was started,
+    with the name that its --link got.
   remedy: list the ports with: mrl ports --probe
 port_denied: no permission for PORT
   also: you may not open PORT: it belongs to group GROUP

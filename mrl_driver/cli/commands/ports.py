@@ -104,7 +104,8 @@ def _show(rows: List[Row], probed: bool) -> None:
 
     console = Console(highlight=False)
     if not rows:
-        console.print(f"no serial port found; plug the board in, and check with: dmesg | tail\n\n{EMULATED}")
+        hint = "plug the board in with a cable for data, and check with: dmesg | tail"
+        console.print(f"no serial port found; {hint}\n\n{EMULATED}")
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
     columns = {"port": _port, "device": _kind, "state": _state, **({"robot": _robot} if probed else {})}
