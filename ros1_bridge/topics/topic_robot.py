@@ -57,6 +57,7 @@ class TopicRobot:
         self._publish, self._ended, self._delay, self._node = publish, ended, delay, node.strip("/")
         self.model: Optional[RobotModel] = None if robot == "auto" else models.load(robot)
         self.pose: Pose = ORIGIN
+        self.stamp_s = math.nan  # Of the newest odometry [s]; NaN if it has none
         self.twist: AnyTwist = Twist(0.0, 0.0)
         self.command: Optional[AnyTwist] = None
         self.battery_v = self._charge = self.temperature_c = math.nan
@@ -72,7 +73,7 @@ class TopicRobot:
         self._told: List[Callable[[], None]] = []
 
     def on_telemetry(self, listener: Callable[[Any], None]) -> None:
-        """Call `listener` after each odometry message, with an object that has the `pose`."""
+        """Call `listener` after each odometry message, with an object that has the `pose` and `stamp_s`."""
         self._listeners.append(listener)
 
     def after_status(self, listener: Callable[[], None]) -> None:
@@ -173,7 +174,7 @@ class TopicRobot:
             return
         if not math.isfinite(linear.x + linear.y + angular):
             return
-        self.pose = pose
+        self.pose, self.stamp_s = pose, message.header.stamp.to_sec() or math.nan
         self.twist = (
             OmniTwist(linear.x, angular, linear.y) if moves_sideways(self.model) else Twist(linear.x, angular)
         )
