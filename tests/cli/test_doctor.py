@@ -119,6 +119,7 @@ def test_battery(volts, level):
 def test_each_fault_of_the_board_has_its_advice(fault):
     found = [each for each in board.health(HEALTHY._replace(faults=(fault,))) if each.level == FAULT]
     assert len(found) == 1 and found[0].advice
+    assert "HC-SR04" not in found[0].text or "HC-SR04" in found[0].advice
 
 
 @pytest.mark.parametrize(
