@@ -17,27 +17,15 @@ from typing import Dict, Optional, Protocol, Type
 
 import serial
 
-from mrl_driver.errors import (
-    BoardTimeout,
-    ConfigError,
-    LinkError,
-    LinkLost,
-    PortBusy,
-    PortDenied,
-    PortMissing,
-    shortage,
-)
+from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, PortBusy, PortDenied, PortMissing, shortage
 from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.table import BAUD
 
 from . import fork_guard
-from .port_info import PTY_MAJORS, is_terminal, locked_by, opened_by, opening_group, ports
+from .port_info import PTY_MAJORS, is_terminal, locked_by, not_pyserial, opened_by, opening_group, ports
 
 if not hasattr(serial, "Serial"):
-    raise ConfigError(
-        f"{serial.__file__} is not pyserial: rename it if it is yours; otherwise run: pip uninstall serial, and then: "
-        "pip install --force-reinstall pyserial"
-    )
+    raise not_pyserial()
 
 # If a port accepts no bytes for this time, that is an error [s].  Frames are short, and the system buffers thousands of
 # bytes.

@@ -6,6 +6,8 @@ import os
 import stat
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
+from mrl_driver.errors import ConfigError
+
 PTY_MAJORS = range(136, 144)
 ARDUINO_VENDORS = (0x2341, 0x2A03)
 _LOCK_FOLDERS = ("/run/lock", "/var/lock")
@@ -98,9 +100,21 @@ def described_as(device: str, there: Sequence[Port]) -> Port:
 
 
 def _comports() -> List[Any]:
-    from serial.tools import list_ports  # late: the list of commands needs no pyserial
-
+    try:
+        from serial.tools import list_ports  # late: the list of commands needs no pyserial
+    except ImportError:
+        raise not_pyserial() from None
     return list(list_ports.comports())
+
+
+def not_pyserial() -> ConfigError:
+    """Return the error for another module that is called serial."""
+    import serial
+
+    return ConfigError(
+        f"{serial.__file__} is not pyserial: rename it if it is yours; otherwise run: pip uninstall serial, and then: "
+        "pip install --force-reinstall pyserial"
+    )
 
 
 def ports() -> List[str]:

@@ -456,9 +456,10 @@ def test_output_that_cannot_be_written_costs_a_line():
     assert done.stderr == f"mrl: {text}  [output_error]\n"
 
 
-def test_a_module_called_serial_that_is_not_pyserial_is_named(tmp_path):
+@pytest.mark.parametrize("words", [("info", "--port", "/dev/null"), ("ports",)])
+def test_a_module_called_serial_that_is_not_pyserial_is_named(tmp_path, words):
     (tmp_path / "serial.py").touch()
-    done = python("-m", "mrl_driver", "info", "--port", "/dev/null", path=tmp_path)
+    done = python("-m", "mrl_driver", *words, path=tmp_path)
     assert done.returncode == ConfigError.exit_code and done.stderr.count("\n") == 1
     assert f"{tmp_path}/serial.py is not pyserial" in done.stderr
 
