@@ -158,6 +158,7 @@ class RobotNode:
         self._status.tell()
         published, subscribed = self._connected_before()
         self._localisers = sorted(nodes_on(subscribed, rospy.resolve_name("initialpose")))
+        self._filters = sorted(nodes_on(published, rospy.resolve_name("odometry/filtered")))
         if parameters.has("commands"):
             self._commands = CommandTopics(driver, commander, parameters, model, self._status.tell)
             self._commands.subscribe(published)
@@ -267,6 +268,12 @@ class RobotNode:
             rospy.logwarn(warning)
         if model.drives and not model.has_odometry:
             rospy.logwarn(NO_ODOMETRY)
+        if self._filters and self._parameters.publish_tf and self._parameters.has("odometry"):
+            rospy.logwarn(
+                f"{', '.join(self._filters)} publishes odometry/filtered: if it also publishes "
+                f"{self._parameters.odom_frame} to {self._parameters.base_frame} on /tf, the robot jumps between both "
+                "poses; start this node with publish_tf:=false"
+            )
         if self._localisers and self._parameters.has("odometry"):
             rospy.logwarn(
                 f"{', '.join(self._localisers)} was here before this node, whose odometry begins at 0, 0, 0: unless "

@@ -592,11 +592,14 @@ def test_the_first_lines_name_robot_board_and_battery(node, tmp_path):
         ({}, {"profile": "2013-august"}, "this board of 2013 is taken to have sonars"),
         ({"build": "environment"}, {}, "sonar"),
         ({}, {}, "/amcl, /hector was here before this node, whose odometry begins at 0, 0, 0"),
+        ({}, {}, "/ekf publishes odometry/filtered: if it also publishes odom to base_link on /tf"),
     ],
 )
 def test_a_node_begins_with_its_warnings(node, given, board, words):
     if "/amcl" in words:
         node.ros.graph[1] = {"initialpose": ["/hector", "/amcl"]}
+    if "/ekf" in words:
+        node.ros.graph[0] = {"odometry/filtered": ["/ekf"]}
     node.run(given=given, **board)
     assert node.levels(words) == ["warn"]
     assert node.ros.asked == 1, "the state of a large system takes long"
