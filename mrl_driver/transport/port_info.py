@@ -156,7 +156,7 @@ def opened_by(name: str) -> str:
     its own user and root.  The server of a pseudo terminal does not count.
     """
     try:
-        device, there = os.path.realpath(name), os.stat(name)
+        there = os.stat(name)
         numbers = filter(str.isdigit, os.listdir("/proc"))
     except OSError:
         return ""
@@ -164,7 +164,7 @@ def opened_by(name: str) -> str:
         return ""
     for number in numbers:
         process = f"/proc/{number}"
-        if number != str(os.getpid()) and (_works_in(process, device, there) or _has_opened(process, there)):
+        if number != str(os.getpid()) and (_has_opened(process, there) or _works_in(process, there)):
             return _program(number)
     return ""
 
@@ -202,16 +202,20 @@ def _program(number: str) -> str:
     return f"{name} (process {number})" if name else f"process {number}"
 
 
-def _works_in(process: str, device: str, there: os.stat_result) -> bool:
-    """Return whether this is the process's controlling terminal, not one of the same number in a container."""
+def _works_in(process: str, there: os.stat_result) -> bool:
+    """Return whether this may be the controlling terminal of another user's process, whose files cannot be seen.
+
+    The number alone says little: a container has terminals of its own with the same numbers.
+    """
     if _terminal(f"{process}/stat") != there.st_rdev:
         return False
     try:
-        return os.path.samestat(os.stat(f"{process}/root{device}"), there)
-    except PermissionError:  # another user's process: unknown
+        os.listdir(f"{process}/fd")
+    except PermissionError:
         return True
     except OSError:
-        return False
+        pass
+    return False
 
 
 def _terminal(stat_path: str) -> int:

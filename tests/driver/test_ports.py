@@ -6,6 +6,7 @@ import os
 import pty
 import subprocess
 import sys
+from fnmatch import fnmatch
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -222,27 +223,27 @@ def terminal():
 
 
 @contextlib.contextmanager
-def on_another_file_system(monkeypatch, below):
-    """Files below a path keep the numbers that they have, on another file system."""
+def on_another_file_system(monkeypatch, pattern):
+    """Files of a pattern keep the numbers that they have, on another file system."""
     stat = os.stat
 
     def elsewhere(path):
         found = stat(path)
-        return os.stat_result([*found[:2], found.st_dev + 1, *found[3:]]) if path.startswith(below) else found
+        return os.stat_result([*found[:2], found.st_dev + 1, *found[3:]]) if fnmatch(path, pattern) else found
 
     with monkeypatch.context() as patch:
         patch.setattr(link.os, "stat", elsewhere)
         yield
 
 
-def test_a_pseudo_terminal_that_somebody_works_in_is_in_use(terminal, monkeypatch):
-    """A name of before may lead there by now.  What another user's process has open cannot be seen."""
-    monkeypatch.setattr(port_info.glob, "glob", lambda pattern: [])
+def test_a_pseudo_terminal_that_somebody_works_in_is_in_use(terminal):
+    """A name of before may lead there by now."""
     assert opened_by(terminal).startswith("a) b (process ")
 
 
-def test_a_pseudo_terminal_is_not_in_use_for_one_of_its_number_in_a_container(terminal, monkeypatch):
-    with on_another_file_system(monkeypatch, "/proc/"):
+def test_a_pseudo_terminal_is_not_in_use_for_one_of_its_number_of_another_container(terminal, monkeypatch):
+    """A shell in a chroot or a container may work in a terminal of the host."""
+    with on_another_file_system(monkeypatch, "/proc/*/fd/*"):
         used = opened_by(terminal)
     assert not used
 
@@ -250,23 +251,24 @@ def test_a_pseudo_terminal_is_not_in_use_for_one_of_its_number_in_a_container(te
 def test_a_lock_on_another_file_with_the_ports_inode_number_is_not_the_ports(tmp_path, monkeypatch):
     with open(tmp_path / "port", "w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        with on_another_file_system(monkeypatch, str(tmp_path)):
+        with on_another_file_system(monkeypatch, f"{tmp_path}/*"):
             holder = locked_by(file.name)
     assert holder == ""
 
 
 @pytest.mark.parametrize("error, is_used", [(FileNotFoundError, False), (PermissionError, True)])
-def test_a_terminal_of_its_number_in_a_container_lacks_its_name(terminal, monkeypatch, error, is_used):
-    """If nobody but its user may see that, it may be in use."""
+def test_a_terminal_that_another_user_works_in_may_be_in_use(terminal, monkeypatch, error, is_used):
+    """What the process has open cannot be seen, unless it has ended."""
 
-    def lacking(path):
+    def hidden(path):
         if path.startswith("/proc/"):
             raise error
-        return stat(path)
+        return listdir(path)
 
-    stat = os.stat
+    listdir = os.listdir
     with monkeypatch.context() as patch:
-        patch.setattr(link.os, "stat", lacking)
+        patch.setattr(port_info.glob, "glob", lambda pattern: [])
+        patch.setattr(port_info.os, "listdir", hidden)
         used = opened_by(terminal)
     assert bool(used) is is_used
 
