@@ -134,7 +134,7 @@ class WheelWatch:
 
     def _counts_wrong(self, along: int) -> bool:
         if not self._settled:
-            self._settled = along >= 0
+            self._settled = along > 0
             if not self._settled:
                 self._patience -= 1
                 self._settled = not self._patience

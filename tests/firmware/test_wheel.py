@@ -171,6 +171,14 @@ def test_a_wheel_is_watched_as_the_emulated_one():
         assert STOP_REASONS[found] == reason, period
 
 
+def test_a_wheel_that_runs_down_slowly_after_a_reversal_does_not_count_in_the_wrong_direction():
+    """In two of three periods it has no count."""
+    parts = Parts(**KIT)
+    for period in range(60):
+        moved = -1 if period % 3 == 0 else 0
+        assert not parts.native.pc_watch_update(1, 0, moved, bool(moved), -100, True), period
+
+
 def test_a_speed_is_estimated_as_by_the_emulated_board():
     """20 000 samples of wheels that stand, creep, cruise, race and turn back."""
     chance, parts, estimate = random.Random(5), Parts(**KIT), SpeedEstimate()

@@ -41,7 +41,7 @@ void WheelWatch::note_direction(int8_t direction, int16_t speed) {
 // From the first wrong count on, the sum is wrong for 80 ms.  A count to and fro at an edge does not matter.
 bool WheelWatch::counts_wrong(int16_t along) {
   if (!settled_) {
-    settled_ = along >= 0 || !--patience_;
+    settled_ = along > 0 || !--patience_;  // a slow wheel has periods without a count
     return false;
   }
   if (!wrong_periods_) {
