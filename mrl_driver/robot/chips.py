@@ -51,6 +51,12 @@ class Chip(NamedTuple):
     flash_bytes: int
     eeprom_bytes: int
 
+    @property
+    def its_pins(self) -> str:
+        """What is expected for a pin.  A Nano also has the analog inputs A6 and A7, which are not used."""
+        last = self.label(len(self.pins) - 1)
+        return f"a pin of the {self.board}: D0 to D{self.analog - 1} or A0 to {last}"
+
     def number(self, text: str) -> Optional[int]:
         """Return the number of a pin written as `5`, `D5` or `A4`; None if the chip does not have it."""
         found = re.fullmatch("([ADad]?)([0-9]{1,2})", text)

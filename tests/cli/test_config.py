@@ -528,8 +528,8 @@ def test_what_an_option_gives_is_the_default_of_its_question(tmp_path):
             "give 45 counts/s at most, expected 51 to 25600: the board cannot control that",
         ),
         (
-            ("rover", "--yes", *ROVER, "--pin", "left_logic=x"),
-            "--pin left_logic is 'x', expected a pin of the Uno",
+            ("rover", "--yes", *ROVER, "--pin", "battery=A7"),
+            "--pin battery is 'A7', expected a pin of the Uno or Nano: D0 to D13 or A0 to A5",
         ),
         (
             ("rover", "--yes", *ROVER, "--pin", "5"),

@@ -207,7 +207,7 @@ def _label(pin: int, chip: Chip) -> str:
 def _pin(text: str, place: str, chip: Chip) -> int:
     number = NOT_CONNECTED if text.strip() == "-" else chip.number(text.strip())
     if number is None:
-        raise ConfigError(f"{place} is {text!r}, expected a pin of the {chip.board}, such as 5 or A4")
+        raise ConfigError(f"{place} is {text!r}, expected {chip.its_pins}")
     return number
 
 

@@ -223,9 +223,7 @@ class Wiring(Keys):
             if name in found:
                 number = chip.number(found[name]) if isinstance(found[name], str) else int(found[name])
                 if number is None:
-                    raise reader.fail(
-                        f"{key}.{name}", found[name], f"a pin of the {chip.board}, such as 5 or A4"
-                    )
+                    raise reader.fail(f"{key}.{name}", found[name], chip.its_pins)
                 pins[row.name] = number
                 if row not in wiring.rows(chip):
                     raise reader.fail(
