@@ -18,7 +18,7 @@ turn away.  Unknown readings are treated as follows:
 - A sonar or a laser that is silent: the robot stops in its direction.
 - A range of -inf (too near, REP 117): the robot stops as well; for a laser it counts as the shortest range.
 - A scan without a valid range: as a sonar without a valid reading.
-- A scan whose geometry is not finite, or with no or too many rays (`Scan.trouble`): ignored, as if the laser were silent.
+- A scan whose geometry is not finite, or with no or too many rays (`Scan.trouble`): as if the laser were silent.
 """
 
 import math
