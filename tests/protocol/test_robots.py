@@ -66,10 +66,11 @@ def test_no_id_belongs_to_two_models():
     assert len(ids) == len(set(ids))
 
 
-def test_unknown_name_lists_the_known():
+@pytest.mark.parametrize("name, why", [("traxbt", " is unknown"), ("t.yaml", ": No such file or directory")])
+def test_unknown_name_lists_the_known(name, why):
     known = ", ".join(models.packaged())
-    with pytest.raises(ConfigError, match=f"robot 'traxbt' is unknown, expected {known} or the path"):
-        models.load("traxbt")
+    with pytest.raises(ConfigError, match=f"robot '{name}'{why}, expected {known} or the path"):
+        models.load(name)
 
 
 WRONG = {

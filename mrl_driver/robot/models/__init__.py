@@ -112,9 +112,9 @@ def load(name_or_path: str) -> RobotModel:
     try:
         return _packaged(path) if is_packaged(path) else parse(yaml_file.read(path), path)
     except OSError as error:
-        why = error.strerror if path == name_or_path else "is unknown"
+        why = f": {error.strerror}" if path == name_or_path else " is unknown"
         raise ConfigError(
-            f"robot {name_or_path!r} {why}, expected {', '.join(names())} "
+            f"robot {name_or_path!r}{why}, expected {', '.join(names())} "
             f"or the path of a .yaml file; files in {own_folder()} are known by name"
         ) from None
 
