@@ -23,8 +23,8 @@ READ_SIZE = 4096
 LONGEST = 1400  # longest datagram [byte]; Ethernet would split a longer one
 REASON = b"\r\nmrl serve: "
 """Begin of the line with which a bridge tells its client why it closes the connection."""
-MOST_DATAGRAMS = MOST_CONNECTIONS = 32
-"""At most this many are looked at in one call: a flood by others does not hold up the caller."""
+MOST_DATAGRAMS = 32
+"""At most this many datagrams are looked at in one read: a flood by others does not hold up the caller."""
 MOST_WAITING = 10_000  # more datagrams than the system keeps
 
 
@@ -60,7 +60,7 @@ class TcpListener:
     def attend(self) -> bool:
         """Accept waiting connections; return True if there is a new client."""
         came = False
-        for _ in range(MOST_CONNECTIONS):
+        while True:
             try:
                 end, name = self._listening.accept()
             except OSError as error:
@@ -77,7 +77,6 @@ class TcpListener:
             prompt(end)
             self._end, self.client, came, self._silent = end, spell(name), True, True
             self._heard_s = time.monotonic()
-        return came
 
     def _make_room(self, client: socket.socket) -> None:
         """Drop the client if it has closed its connection already, or is silent."""

@@ -2,7 +2,6 @@
 
 import contextlib
 import signal
-import socket
 import subprocess
 import threading
 from pathlib import Path
@@ -16,7 +15,7 @@ from mrl_driver.driver.served_robot import ServedRobot
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, WrongRobot
 from mrl_driver.session.handshake import Board
-from mrl_driver.transport.listener import MOST_CONNECTIONS, REASON, SILENT_S, listen
+from mrl_driver.transport.listener import REASON, SILENT_S, listen
 from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.relay import STOP, STOP_2013, STOPS, Bridge
 from sim_arduino.serve import factory
@@ -82,19 +81,6 @@ def test_frames_in_a_request_of_a_browser_reach_no_board(begin):
         browser.write(begin + b" / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" + COMMAND)
         wait_until(lambda: listener.read() or not listener.client)
         assert not listener.client
-
-
-def test_a_flood_of_connections_holds_up_no_client(monkeypatch):
-    accepted = []
-
-    def accept(_):
-        assert len(accepted) < MOST_CONNECTIONS
-        accepted.append(socket.socket())
-        return accepted[-1], ("127.0.0.1", 7)
-
-    with contextlib.closing(listen(f"tcp://{ADDRESS}")) as listener:
-        monkeypatch.setattr(socket.socket, "accept", accept)
-        assert listener.attend()
 
 
 @pytest.mark.parametrize(
