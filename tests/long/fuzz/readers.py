@@ -26,16 +26,16 @@ from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.errors import ConfigError
 from mrl_driver.host import access, named_robots
-from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder
 from mrl_driver.protocol.hold_text import HoldText
-from mrl_driver.protocol.table import BY_NAME, SETTINGS, STOP_CODE
+from mrl_driver.protocol.table import BY_NAME, SETTINGS
 from mrl_driver.recording.recording import Recording
 from mrl_driver.robot import models
 from mrl_driver.safety.message_age import MessageAge
 from mrl_driver.session.events import Ready
 from mrl_driver.transport import address
 from mrl_driver.transport.listener import TcpListener, UdpListener
-from mrl_driver.transport.relay import STOPS, Bridge
+from mrl_driver.transport.relay import STOP, STOP_2013, STOPS, Bridge
 from ros1_bridge.relay import relay_frames
 from sim_arduino.avr.elf import read_image
 from sim_arduino.board import parameter_store
@@ -198,18 +198,19 @@ def port_address(text: str) -> None:
 
 
 def client_of_tcp(data: bytes, folder: Path) -> None:
-    """A client of `mrl serve`, or a browser, which begins with a letter: the robot is stopped when it leaves."""
+    """A client of `mrl serve`, or another program, which begins with no frame: the robot is stopped when it leaves."""
     told: List[str] = []
     link = _WrittenLink()
     listener = TcpListener(address.parse("tcp://127.0.0.1:0", listening=True))
     bridge = Bridge(lambda: link, lambda error: None, listener, told.append)  # type: ignore[arg-type]
     with socket.create_connection(("127.0.0.1", listener.address.port)) as end:
         end.sendall(data)
-    _run_until(bridge, link, lambda: link.written.endswith(STOPS * encode_request(STOP_CODE)))
+    stops = STOPS * STOP, STOPS * STOP_2013
+    _run_until(bridge, link, lambda: link.written.endswith(stops))
     for line in told:
         require_line(line)
-    if data not in link.written and not data[:1].isalpha():
-        raise Forbidden("bytes were lost")
+    if not (data in link.written if data[:1] in b"@\r\n" else link.written in stops):
+        raise Forbidden("bytes were lost, or those of another program reached the board")
 
 
 def client_of_udp(data: bytes, folder: Path) -> None:
