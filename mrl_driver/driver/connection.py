@@ -12,6 +12,7 @@ import time
 from typing import Any, Callable, Dict, Iterator, List, NoReturn, Optional, Sequence, Tuple
 
 from mrl_driver.arguments import require_function, require_whole
+from mrl_driver.clocks import BOOT_CLOCK, wait_until
 from mrl_driver.errors import (
     BoardError,
     BoardTimeout,
@@ -37,7 +38,6 @@ from mrl_driver.transport import fork_guard
 from mrl_driver.transport.baud_rates import FAST_BAUD
 from mrl_driver.transport.link import WRITE_TIMEOUT_S, Link
 from mrl_driver.transport.reconnect import LOOK_S
-from mrl_driver.waits import wait_until
 
 from .link_source import LinkSource
 from .options import require_timeout
@@ -52,7 +52,6 @@ QUEUE_BYTES = 512
 BITS = 10  # a byte on the serial line [bit]
 CLOSED_EARLY = "the driver was closed while it connected"
 FLUSH_S = 1e-3  # at the end, the driver looks this often whether another thread's write is over [s]
-CLOCK_BOOTTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 Listener = Callable[[Any], None]
 
 
@@ -370,7 +369,7 @@ class Connection:
                 if self._broken is not None:
                     raise self._broken
                 # If the machine was suspended, stop; the driver's clock does not count that time.
-                slept_s = time.clock_gettime(CLOCK_BOOTTIME) - now
+                slept_s = time.clock_gettime(BOOT_CLOCK) - now
                 if slept_s > self._slept_s + PAUSE_S:
                     session.resumed_s = now
                     if session.motion.target is not None or session.turning:

@@ -31,10 +31,10 @@ import time
 from collections import deque
 from typing import Any, BinaryIO, Callable, Deque, Dict, Iterator, List, NamedTuple, Optional, Tuple
 
+from mrl_driver.clocks import wait_until
 from mrl_driver.errors import ConfigError, shortage, shortages
 from mrl_driver.files import open_plain
 from mrl_driver.json_text import exact_json
-from mrl_driver.waits import wait_until
 
 VERSION = 1
 TO_BOARD, FROM_BOARD, REMARK = ">", "<", "!"

@@ -1,4 +1,4 @@
-"""The age of messages from a computer whose clock is not ours.  Pure, except for `clock_s` and `slept_s`.
+"""The age of messages from a computer whose clock is not ours.  Pure.
 
 The other computer says when it got which of our messages.  A message does not arrive before it was sent, so our clock
 is ahead of the other one by at least `sent_s - there_s`, and a message of its time `t` that arrives `now` is at most
@@ -7,22 +7,11 @@ bound: it is too large by the shortest way from us to the other computer.
 """
 
 import math
-import time
 from collections import deque
 from typing import Deque, Tuple
 
 APART_S = 0.01
 """Shortest time between two pairs that are kept [s]."""
-
-
-def clock_s() -> float:
-    """A clock [s] that, unlike `time.monotonic()`, goes on while the computer is suspended."""
-    return time.clock_gettime(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
-
-
-def slept_s() -> float:
-    """Return for how long the computer was suspended since its start [s]."""
-    return clock_s() - time.monotonic()
 
 
 class MessageAge:

@@ -8,7 +8,7 @@ import termios
 import tty
 from typing import Any, List, Optional
 
-from mrl_driver.safety.message_age import clock_s
+from mrl_driver.clocks import clock_s
 
 _KEY = re.compile(rb"\x1b(?:O[!-~]|\[\[[A-E]|\[[0-?]*[!-/@-~])|.", re.DOTALL)
 """A key is a byte, or a sequence such as `ESC [ D` (left), `ESC [ 1 ; 2 D` (left with Shift), `ESC [ 7 $` (rxvt) and

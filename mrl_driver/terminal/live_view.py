@@ -3,8 +3,8 @@
 import math
 from typing import TYPE_CHECKING, Any, Callable, NamedTuple, Optional, Tuple
 
+from mrl_driver.clocks import clock_s
 from mrl_driver.errors import BoardTimeout, MrlError
-from mrl_driver.safety.message_age import clock_s
 from mrl_driver.safety.operator_delay import MAX_DELAY_S, DelayGuard
 from mrl_driver.view.live_model import LiveModel
 from mrl_driver.view.shown_state import Shown, has_motors, moves_sideways, state_of

@@ -10,11 +10,11 @@ import math
 import time
 from typing import Any, Callable, Optional, Tuple
 
+from mrl_driver.clocks import slept_s
 from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import Limits
-from mrl_driver.safety.message_age import slept_s
 from mrl_driver.safety.protective_zones import Zones
 from mrl_driver.safety.speed_limiter import FASTEST_MANUAL_M_S, reduced
 from mrl_driver.session.session import STALE_S

@@ -2,7 +2,8 @@
 
 The node subscribes to `odom`, `sonar/*`, `battery_state`, `status` and `/diagnostics`, and publishes `cmd_vel`.
 
-Without a terminal, on a dumb terminal, or without the library `rich`, it prints a line every second and reads no keys.
+Without a terminal, on a dumb terminal, or without the library `rich`, it prints a line every second, reads no keys, and
+ends after the square.
 """
 
 import math
@@ -13,7 +14,7 @@ from typing import Any, Dict
 import rosgraph
 import rospy
 
-from mrl_driver.safety.message_age import clock_s
+from mrl_driver.clocks import clock_s
 from mrl_driver.terminal import live_view
 from mrl_driver.view.shown_state import line_of
 from ros1_bridge.node.cmd_vel import OperatorCmdVel, twist_of
@@ -47,11 +48,13 @@ def topic_robot(robot: str) -> TopicRobot:
 
 
 def run_lines(robot: TopicRobot, screen: DemoScreen) -> None:
-    """Print a line every second until the end."""
-    printed_s = -math.inf
+    """Print a line every second until the end, which is that of the square if one is driven and no duration is set."""
+    printed_s, square = -math.inf, screen.square
     while not screen.ended and not robot.wait(0):
         now_s = clock_s()
         screen.steer(now_s)
+        if screen.square is not square and not screen.duration_s:
+            return
         if now_s >= printed_s + LINE_S:
             printed_s = now_s
             state = robot.state()

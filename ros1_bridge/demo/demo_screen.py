@@ -26,7 +26,7 @@ class DemoScreen(Screen):
         super().__init__(robot, Settings(port, keys_drive=True), None)
         self._robot = robot
         self.square = Square() if square else None  # The square that is driven; None if none is
-        self._duration_s = duration_s
+        self.duration_s = duration_s
         self._first_s: Optional[float] = None
         self._now_s = 0.0
 
@@ -51,7 +51,7 @@ class DemoScreen(Screen):
         self._now_s = now_s
         if self._first_s is None and self.live.frames:
             self._first_s = now_s
-        if self._duration_s and self.elapsed_s >= self._duration_s:
+        if self.duration_s and self.elapsed_s >= self.duration_s:
             self.ended = True
         if self.square is None:
             super().steer(now_s)

@@ -20,13 +20,13 @@ from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import Range
 from std_msgs.msg import Bool
 
+from mrl_driver import clocks
+from mrl_driver.clocks import wait_until
 from mrl_driver.errors import one_line
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.goal_seeker import PATIENCE_S, GoalSeeker
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import NAMES
-from mrl_driver.safety import message_age
-from mrl_driver.waits import wait_until
 from ros1_bridge.node.cmd_vel import CmdVel, twist_of
 from ros1_bridge.node.parameters import Row, speed_rows
 from ros1_bridge.node.plane_poses import planar, transform_pose, write_pose
@@ -59,7 +59,7 @@ PARAMETERS = (
 
 def clock_s() -> float:
     """A clock that is not set, and goes on while the computer is suspended [s]; of simulated time, if there is."""
-    now_s: float = message_age.clock_s() if rospy.rostime.is_wallclock() else rospy.get_time()
+    now_s: float = clocks.clock_s() if rospy.rostime.is_wallclock() else rospy.get_time()
     return now_s
 
 

@@ -23,7 +23,7 @@ import rospy
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from std_msgs.msg import Float64, Header
 
-from mrl_driver.safety.message_age import clock_s
+from mrl_driver.clocks import clock_s
 from mrl_driver.safety.operator_delay import MAX_DELAY_S, DelayGuard, EchoDelay, delay_text
 
 from .parameters import Row

@@ -11,8 +11,8 @@ import rosgraph
 import rospy
 from rospy.impl.registration import get_registration_listeners
 
+from mrl_driver.clocks import later, wait_until
 from mrl_driver.errors import ConfigError, MrlError
-from mrl_driver.waits import later, wait_until
 
 from .master_watch import await_master
 from .parameters import Row, read, usage

@@ -8,8 +8,8 @@ import time
 from dataclasses import dataclass
 from typing import Callable, Dict, List, Optional, Tuple
 
-from mrl_driver.safety.message_age import MessageAge, clock_s
-from mrl_driver.waits import wait_until
+from mrl_driver.clocks import clock_s, wait_until
+from mrl_driver.safety.message_age import MessageAge
 
 from . import relay_frames as frames
 from .relay_frames import PROTOCOL, RelayError

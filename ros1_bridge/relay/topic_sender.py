@@ -13,8 +13,8 @@ import time
 from collections import deque
 from typing import Callable, Deque, Dict, List, NamedTuple, Optional, Set, Tuple
 
+from mrl_driver.clocks import clock_s
 from mrl_driver.errors import shortage
-from mrl_driver.safety.message_age import clock_s
 
 from . import relay_frames as frames
 from .relay_frames import PROTOCOL, RelayError

@@ -9,12 +9,12 @@ import rospy
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from std_msgs.msg import Header
 
+from mrl_driver.clocks import clock_s
 from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.errors import FrameError, MrlError
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.models.drives import moves_sideways
-from mrl_driver.safety.message_age import clock_s
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.control.pose_goal import PoseGoal
 from ros1_bridge.control.velocity_sources import Source

@@ -19,6 +19,7 @@ import rospy
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
+from mrl_driver.clocks import later
 from mrl_driver.driver import Driver
 from mrl_driver.driver.options import QUEUED_S, Options
 from mrl_driver.driver.suspension import stopped_while_suspended
@@ -34,7 +35,6 @@ from mrl_driver.safety.speed_limiter import MANUAL, manual_speed_m_s
 from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import Awaited, Ready
 from mrl_driver.session.handshake import Board
-from mrl_driver.waits import later
 from ros1_bridge.control.commander import Commander, lowered
 from ros1_bridge.node.master_watch import MasterWatch
 from ros1_bridge.node.robot_parameters import ROWS, Parameters, check, without_motors

@@ -9,12 +9,12 @@ from typing import Any, Dict, Mapping, Optional, Tuple
 import rospy
 from sensor_msgs.msg import LaserScan
 
+from mrl_driver.clocks import wait_until
 from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import assumes_sonars
-from mrl_driver.waits import wait_until
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.control.planner_limit import PlannerLimit
 from ros1_bridge.control.zone_feed import MountFinder, ZoneWatch, assumed_twist

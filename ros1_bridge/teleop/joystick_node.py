@@ -10,7 +10,7 @@ from typing import Any, Dict
 import rospy
 from sensor_msgs.msg import Joy
 
-from mrl_driver.safety.message_age import clock_s
+from mrl_driver.clocks import clock_s
 from mrl_driver.safety.operator_delay import Lateness
 from ros1_bridge.node.cmd_vel import DELAY_ROW, OperatorCmdVel, twist_of
 from ros1_bridge.node.parameters import Row, speed_rows

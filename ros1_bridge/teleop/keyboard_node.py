@@ -7,8 +7,8 @@ from typing import Any, Dict
 import rospy
 from geometry_msgs.msg import Twist
 
+from mrl_driver.clocks import clock_s
 from mrl_driver.errors import ConfigError
-from mrl_driver.safety.message_age import clock_s
 from mrl_driver.terminal.keyboard import Keyboard
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, LINEAR_M_S, Teleop
 from ros1_bridge.node.cmd_vel import DELAY_ROW, OperatorCmdVel, twist_of

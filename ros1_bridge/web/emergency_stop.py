@@ -5,7 +5,7 @@ import threading
 import time
 from typing import Callable, Tuple
 
-from mrl_driver.waits import later
+from mrl_driver.clocks import later
 
 AGAIN_S = 0.5
 """A stop that the node did not confirm is asked for again after this time; with N calls under way, after N times as

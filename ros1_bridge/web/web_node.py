@@ -17,8 +17,8 @@ from std_srvs.srv import Trigger
 
 from mrl_driver.apps.web.listening import lines_for, settings_for
 from mrl_driver.apps.web.robot import NO_MOTORS, PhoneReading
+from mrl_driver.clocks import clock_s
 from mrl_driver.errors import ConfigError
-from mrl_driver.safety.message_age import clock_s
 from ros1_bridge.node.cmd_vel import DELAY_ROW, OperatorCmdVel, twist_of
 from ros1_bridge.node.parameters import Row
 from ros1_bridge.node.robot_parameters import ROWS as ROBOT_ROWS

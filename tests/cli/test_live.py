@@ -21,6 +21,7 @@ from mrl_driver.cli.commands import monitor
 from mrl_driver.cli.commands.shared import await_sensors
 from mrl_driver.cli.doctor import board
 from mrl_driver.cli.doctor.findings import NOTE, OK
+from mrl_driver.clocks import clock_s
 from mrl_driver.driver import Driver
 from mrl_driver.driver.link_status import LinkStatus
 from mrl_driver.driver.options import Options
@@ -29,7 +30,6 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.battery import EMPTY_AFTER_S
 from mrl_driver.robot.models import SonarMount
-from mrl_driver.safety.message_age import clock_s
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.terminal import live_panels, live_view
 from mrl_driver.terminal.canvas import Canvas, fit

@@ -8,13 +8,13 @@ import threading
 import pytest
 
 from mrl_driver import lock_order
+from mrl_driver.clocks import later
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.connection import QUEUE_BYTES
 from mrl_driver.errors import LinkLost, MrlError
 from mrl_driver.lock_order import ORDER, VARIABLE, new_lock
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.transport.link import LOCKS
-from mrl_driver.waits import later
 from tests.call_lists import ROOT
 from tests.waiting import PATIENCE_S, drive_until, wait_until
 
@@ -369,7 +369,7 @@ def test_the_order_names_each_thread_and_lock_of_the_code():
 
 
 def test_no_event_is_waited_for_with_a_time_out():
-    """Before Python 3.11 it follows the wall clock; `mrl_driver.waits` does not."""
+    """Before Python 3.11 it follows the wall clock; `mrl_driver.clocks` does not."""
     for folder in ("mrl_driver", "ros1_bridge", "sim_arduino"):
         for path in (ROOT / folder).rglob("*.py"):
             text = path.read_text()

@@ -4,10 +4,10 @@ import math
 
 import pytest
 
+from mrl_driver.clocks import slept_s
 from mrl_driver.errors import FrameError, LinkLost
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.inputs import Inputs
-from mrl_driver.safety.message_age import slept_s
 from ros1_bridge.control import commander
 from ros1_bridge.control.commander import LOST_S, Commander
 from ros1_bridge.control.velocity_sources import Source

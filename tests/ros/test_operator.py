@@ -10,7 +10,7 @@ from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import Joy
 from std_msgs.msg import Float64, Header
 
-from mrl_driver.safety.message_age import clock_s
+from mrl_driver.clocks import clock_s
 from ros1_bridge.teleop.joystick_mapping import LAYOUTS
 from tests.waiting import wait_until
 

@@ -13,8 +13,8 @@ from mrl_driver.apps.web import messages
 from mrl_driver.apps.web.helm import DEAF_S, WINDOW_S, Control, Freshness, Goal, Helm
 from mrl_driver.apps.web.messages import Malformed, parse
 from mrl_driver.apps.web.robot import PhoneReading
+from mrl_driver.clocks import clock_s
 from mrl_driver.robot.models import load
-from mrl_driver.safety.message_age import clock_s
 from mrl_driver.safety.operator_delay import DRIFT
 
 CONTROL = {

@@ -8,6 +8,7 @@ from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
+from mrl_driver.clocks import slept_s
 from mrl_driver.driver import Driver
 from mrl_driver.errors import BoardTimeout, ConfigError
 from mrl_driver.geometry import Pose, wrap_angle
@@ -16,7 +17,6 @@ from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.odometry import AnyWheels, FourWheels
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.safety.message_age import slept_s
 from mrl_driver.view.words import stop_error
 
 TICK_S = 0.05

@@ -5,7 +5,7 @@ import contextlib
 import time
 from typing import Any, Awaitable, Callable, Dict, Optional
 
-from mrl_driver.safety.message_age import clock_s
+from mrl_driver.clocks import clock_s
 
 from .messages import closed
 

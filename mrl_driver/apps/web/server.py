@@ -16,9 +16,9 @@ import socket
 import time
 from typing import Any, Awaitable, Callable, Coroutine, Dict, Iterable, Iterator, List, Optional, Set
 
+from mrl_driver.clocks import clock_s
 from mrl_driver.errors import ConfigError, MrlError, one_line
 from mrl_driver.navigation.occupancy_grid import CELL_M, FloorMap
-from mrl_driver.safety.message_age import clock_s
 
 from . import messages
 from .client import Client

@@ -109,7 +109,7 @@ def _print_lines(driver: "Driver", run: Run, sender: Optional["UdpSender"]) -> N
 
 def watch_live(run: Run, keys_drive: bool = False, sender: Optional["UdpSender"] = None) -> None:
     """Run the live view; `keys_drive` refuses an empty battery, as `mrl drive` does."""
-    from mrl_driver.safety.message_age import clock_s
+    from mrl_driver.clocks import clock_s
     from mrl_driver.safety.operator_delay import MAX_DELAY_S
     from mrl_driver.terminal import live_view
     from mrl_driver.terminal.frame_log import FrameLog

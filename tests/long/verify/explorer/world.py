@@ -10,6 +10,7 @@ import math
 import threading
 from typing import Any, Callable, Iterator, Optional, Tuple
 
+from mrl_driver.clocks import wait_until
 from mrl_driver.driver import Driver
 from mrl_driver.driver import connection as connection_module
 from mrl_driver.driver.options import Options
@@ -18,7 +19,6 @@ from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recorded_link import DriverRecording
 from mrl_driver.session.events import Lost, Reconnected
 from mrl_driver.session.handshake import Handshake
-from mrl_driver.waits import wait_until
 from ros1_bridge.control.commander import Commander
 
 from .board import ExploredBoard
@@ -79,11 +79,10 @@ class Lock:
 class Clock:
     """Stands for the module `time` in the driver.
 
-    A suspended machine's `CLOCK_BOOTTIME` goes on, its monotonic clock does not.
+    A suspended machine's boot clock goes on, its monotonic clock does not.
     """
 
     CONSTANT = True
-    CLOCK_BOOTTIME, CLOCK_MONOTONIC = 7, 1
 
     def __init__(self, world: "World") -> None:
         self._world = world

@@ -1,4 +1,4 @@
-"""Waits that end in time whatever is done to the wall clock.
+"""A clock that goes on while the computer is suspended, and waits that end in time whatever is done to the wall clock.
 
 Before Python 3.11 the time-outs of `threading` follow it (What's New In Python 3.11): if the clock is set back by an
 hour meanwhile, such a wait lasts an hour longer.  That of a `Condition` which is notified before its time-out may stay.
@@ -9,6 +9,17 @@ import time
 from typing import Any, Callable
 
 LOOK_S = 0.1
+BOOT_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+
+
+def clock_s() -> float:
+    """A clock [s] that, unlike `time.monotonic()`, goes on while the computer is suspended."""
+    return time.clock_gettime(BOOT_CLOCK)
+
+
+def slept_s() -> float:
+    """Return for how long the computer was suspended since its start [s]."""
+    return clock_s() - time.monotonic()
 
 
 def wait_until(done: Callable[[], bool], timeout_s: float) -> bool:
