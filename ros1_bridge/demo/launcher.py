@@ -7,6 +7,7 @@ demonstration's `/cmd_vel` would drive other robots too.
 import math
 import os
 import re
+import shlex
 import shutil
 import signal
 import sys
@@ -183,7 +184,9 @@ def main(
         sys.exit(error.exit_code)
     except OSError as error:
         reason = f"{error.filename} cannot be written: {error.strerror}"
-        click.echo(f"{reason}; is it another user's? Then: sudo chown -R $USER {logs}", err=True)
+        click.echo(
+            f"{reason}; is it another user's? Then: sudo chown -R $USER {shlex.quote(str(logs))}", err=True
+        )
         sys.exit(ConfigError.exit_code)
 
 

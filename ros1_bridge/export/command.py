@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 from typing import TYPE_CHECKING, Callable, Dict, Optional
 
 import click
@@ -64,7 +65,8 @@ def main(file: str, output: str, robot: str, name: str, yes: bool, **frames: Opt
             count, what = _write_messages(recorded, temporary, output, name, frames, advance), "messages"
         if not count:
             raise ConfigError(
-                f"{file} holds nothing for {output}, expected frames of a robot; check it with: mrl replay {file}"
+                f"{file} holds nothing for {output}, expected frames of a robot; check it with: "
+                f"mrl replay {shlex.quote(file)}"
             )
     click.echo(f"{output}: {count} {what}")
     for number, reason in recorded.recording.skipped.items():

@@ -167,9 +167,9 @@ def test_real_robot_is_driven_by_keys_alone_and_q_gives_back_the_terminal(start,
     [
         (("--port", "/dev/not_there"), 3, "[port_missing]"),
         (
-            ("--logs", "/dev/null/logs"),
+            ("--logs", "/dev/null/my logs"),
             2,
-            "null/logs cannot be written: Not a directory; is it another user's?",
+            "is it another user's? Then: sudo chown -R $USER '/dev/null/my logs'",
         ),
     ],
 )

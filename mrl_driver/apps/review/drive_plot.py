@@ -6,6 +6,7 @@ for black and white prints.
 
 import math
 import os
+import shlex
 from itertools import cycle
 from typing import Any, Iterator, List, Sequence, Tuple
 
@@ -59,7 +60,7 @@ def _require_poses(drive: DriveData) -> None:
             why = f"because {drive.model.name} is a board without motors; its sensors are shown by"
         elif not drive.model.has_odometry:
             why = f"because the motors of {drive.model.name} have no encoders; the rest is shown by"
-        raise ConfigError(f"{drive.path} holds no odometry, {why}: mrl replay {drive.path}")
+        raise ConfigError(f"{drive.path} holds no odometry, {why}: mrl replay {shlex.quote(drive.path)}")
 
 
 def _over_time(drive: DriveData, parts: Sequence[str]) -> Iterator[Chart]:
