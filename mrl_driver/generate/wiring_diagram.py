@@ -55,7 +55,7 @@ def _parts(model: models.RobotModel) -> List[Part]:
         if mount.type == "HC-SR04"
     ]
     bumpers = [(name, _words(wiring.short(name))) for name in wiring.STOP_INPUTS if "bumper" in name]
-    divider = _wires(pins, [("pin_battery", "22 kΩ to battery +")])
+    divider = _wires(pins, [(wiring.BATTERY, "22 kΩ to battery +")])
     lower = [Wire(GROUND, f"10 kΩ and 100 nF to {wire.pin}") for wire in divider]
     bus = [Wire(chip.label(pin), f"{at}, by level shifter") for pin, at in zip(chip.bus, ("SDA", "SCL"))]
     others = (

@@ -50,7 +50,8 @@ ENCODERS = [[f"pin_{wheel}_encoder_{channel}" for channel in "ab"] for wheel in 
 ENABLES = ("pin_enable_1", "pin_enable_2")
 FRONT = 2
 """Motors and encoders that each robot has; those behind them are connected on robots with four wheels."""
-_ANALOG = ("pin_sonar_front", "pin_sonar_left", "pin_sonar_right", "pin_battery")
+BATTERY = "pin_battery"
+_ANALOG = ("pin_sonar_front", "pin_sonar_left", "pin_sonar_right", BATTERY)
 SERVOS = tuple(f"pin_servo_{number}" for number in range(1, 7))
 I2C, RELEASE, NO_ENCODERS = "i2c", "servo_release", "no_encoders"
 FLAGS = tuple(row.name for row in PINS if row.high == 1)

@@ -379,6 +379,10 @@ def test_the_options_make_a_robot_that_all_programs_know():
     assert (model.ids, BRIDGES[model.board["bridge"]]) == ((11,), "tb6612")
 
 
+def test_the_list_of_pins_has_that_of_the_batterys_divider():
+    assert "  battery's divider     A3\n" in mrl("new", "rover", *ROVER, "--yes").stdout
+
+
 def test_range_sensors_come_with_their_pins():
     own = ["--pin", "sonar_front=-", "--pin", "sonar_left=-", "--pin", "sonar_trigger=-"]
     sonars = ["--sonar", "front=hc-sr04:12,A0", "--sonar", "rear=GP2Y0A02:A1"]

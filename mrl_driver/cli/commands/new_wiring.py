@@ -156,7 +156,7 @@ def _chip(board: Optional[str], entry: Optional[wirings.Entry], ask: bool) -> Ch
 
 
 def show_wires(made: Kit) -> None:
-    """Print which pin of the Arduino leads to which input of the bridge, and to the encoders."""
+    """Print what each pin of the Arduino leads to."""
     inputs = (*wiring.BRIDGE_WIRES[made.bridge].inputs, "enable")
     outputs, encoders = wiring.output_pins(made.pins), wiring.encoder_pins(made.pins)
     names = [f"{_words(wheel)} motor" for wheel in WHEELS[: len(outputs)]]
@@ -166,12 +166,16 @@ def show_wires(made: Kit) -> None:
             _show_row(text, [_label(pin, made.chip) for pin in pins])
     labels = [", ".join(_label(pin, made.chip) for pin in each) for each in encoders]
     _show_row("encoder A, B", ["none: no odometry"] if made.pins[wiring.NO_ENCODERS] else labels)
-    others = [*wiring.SERVOS, *itertools.chain(*wiring.RANGE_PINS), *wiring.STOP_INPUTS]
+    shown = {*itertools.chain(*wiring.OUTPUTS, *wiring.ENCODERS), *wiring.ENABLES}
+    others = [name for name in wiring.PIN_NAMES if name not in shown]
     used = [name for name in others if made.pins.get(name, NOT_CONNECTED) != NOT_CONNECTED]
     sonars = {given: place for place, (given, _) in made.sonars.items()}
     for name in used:
         given, _, wire = wiring.short(name).rpartition("_")
-        _show_row(_words(f"{sonars.get(given, given)}_{wire}"), [_label(made.pins[name], made.chip)])
+        leads_to = (
+            "battery's divider" if name == wiring.BATTERY else _words(f"{sonars.get(given, given)}_{wire}")
+        )
+        _show_row(leads_to, [_label(made.pins[name], made.chip)])
     if made.sonars:
         click.echo(
             "  the places of the range sensors are assumed: correct the section sonars of the robot's file"
@@ -290,7 +294,7 @@ def _ask(wired: Wired, wheels: int) -> None:
         _ask_pin(wired, name, _words(name), False)
         if pins[name] == NOT_CONNECTED:
             break
-    _ask_pin(wired, "pin_battery", "divider of the battery's voltage", False)
+    _ask_pin(wired, wiring.BATTERY, "divider of the battery's voltage", False)
     _ask_sonars(wired)
     given = any(pins[name] != NOT_CONNECTED for name in wiring.STOP_INPUTS)
     if agrees("Are there bumpers, cliff sensors or an emergency stop?", given):
