@@ -1,6 +1,7 @@
 """The live view of a robot in the terminal, with keys to drive."""
 
 import math
+import time
 from typing import TYPE_CHECKING, Any, Callable, NamedTuple, Optional, Tuple
 
 from mrl_driver.clocks import clock_s
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from .live_panels import Content
 
 TICK_S, REFRESH_S = 0.05, 0.1
+DRAWING = 0.2  # Share of a core that drawing takes at most: a small computer draws less often
 STILL_PRESSED = "the emergency stop is still pressed, or its wire is broken"
 NO_MOTORS = "this board has no motors: no driving"
 
@@ -145,7 +147,7 @@ def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
 
     from .live_panels import render
 
-    console, start_s, shown_s = Console(), clock_s(), -math.inf
+    console, start_s, due_s = Console(), clock_s(), -math.inf
     live = Live(
         console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False
     )
@@ -155,8 +157,9 @@ def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
                 screen.press(key, keyboard.pressed_s)
             now_s = clock_s()
             screen.steer(now_s)
-            if now_s >= shown_s + REFRESH_S:
-                shown_s = now_s
+            if now_s >= due_s:
+                begun_s = time.thread_time()
                 live.update(render(screen.content(now_s), console.width, console.height), refresh=True)
+                due_s = now_s + max(REFRESH_S, (time.thread_time() - begun_s) / DRAWING)
             if driver.wait(0):
                 return

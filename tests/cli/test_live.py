@@ -238,6 +238,24 @@ def test_a_key_that_was_held_when_the_computer_was_suspended_does_not_drive_afte
     assert speeds == [0.0, LINEAR_M_S, 0.0]
 
 
+def test_a_computer_that_draws_slowly_draws_less_often(monkeypatch):
+    """A picture takes 0.1 s of its processor, and the view may take a fifth of it."""
+    now_s, pictures = [1000.0], []
+
+    def read(timeout_s):
+        now_s[0] += timeout_s
+        return ()
+
+    keyboard = contextlib.nullcontext(SimpleNamespace(read=read))
+    monkeypatch.setattr(live_view, "Keyboard", lambda: keyboard)
+    monkeypatch.setattr(live_panels, "render", lambda *_: pictures.append(now_s[0]) or "")
+    monkeypatch.setattr(time, "thread_time", lambda: 0.1 * len(pictures))
+    monkeypatch.setattr(live_view, "clock_s", lambda: now_s[0])
+    screen = SimpleNamespace(ended=False, steer=lambda now_s: None, content=lambda now_s: None)
+    live_view.run(SimpleNamespace(wait=lambda seconds: False), screen, 5.0)
+    assert len(pictures) == pytest.approx(5.0 / 0.5, abs=1)
+
+
 def test_keys_drive_only_after_enter(watched):
     driver, board, log = watched
     screen = Screen(driver, Settings(), log)
