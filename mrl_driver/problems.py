@@ -51,13 +51,27 @@ link_lost: PORT went away
     firmware of 2013 does not.
   remedy: check the plug and the cable, or the radio's range; if it happens when motors start, solder 100 nF across each
     motor and keep the cable away from their wires
+no_command: mrl: command not found
+  also: mrl-sim: command not found
+  cause: mrl and mrl-sim are in a virtual environment. Each new terminal must activate it, and sudo does not search it.
+  remedy: run . ~/mrl-venv/bin/activate, or . .venv/bin/activate in a clone; after sudo, write "$(which mrl)" for mrl
+no_ros: [sim.launch] is neither a launch file in package [mrl_robots] nor is [mrl_robots] a launch file name
+  also: package 'mrl_robots' not found
+  also: roslaunch: command not found
+  also: rosrun: command not found
+  also: No module named 'rospy'
+  cause: ROS does not know the clone, a package of ROS is missing, or the Python of a virtual environment runs a
+    program of ROS.
+  remedy: run export ROS_PACKAGE_PATH=$PWD:$ROS_PACKAGE_PATH in the clone, in each terminal; install ROS with make run,
+    and rosrun with sudo apt install rosbash; run programs of ROS with /usr/bin/python3
 modem_manager: runs, and may keep the port busy for some seconds after the board is plugged in
   cause: ModemManager writes to new serial ports to find modems.
-  remedy: run mrl system install as root
+  remedy: run sudo "$(which mrl)" system install
 brltty: runs, and takes CH340, CP210x, FTDI and PL2303 adapters for Braille displays
   cause: brltty drives Braille displays. Some of them have the same chips as the adapters of robots, so it takes those
     too, about a second after they were plugged in, and their ports vanish.
-  remedy: unless you use a Braille display, run mrl system install --mask-brltty as root and plug the board in
+  remedy: unless you use a Braille display, run sudo "$(which mrl)" system install --mask-brltty
+    and plug the board in
 usb_latency: holds bytes back for up to VALUE ms
   cause: An FTDI adapter collects bytes before it sends them on. Odometry and stops come later by this time.
   remedy: write 1 to the adapter's latency_timer; mrl doctor prints the command

@@ -328,7 +328,8 @@ def denied(port: str) -> str:
     """Return why this user may not open a port, and what to do."""
     group = opening_group(port)
     if not group:
-        return f"only root may open {port}; let udev give serial ports to a group: sudo mrl system install"
+        advice = 'let udev give serial ports to a group: sudo "$(which mrl)" system install'
+        return f"only root may open {port}; {advice}"
     return (
         f"no permission for {port}; join its group with: sudo usermod -aG {group} $USER, then log out and in"
     )

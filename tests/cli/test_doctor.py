@@ -310,6 +310,15 @@ def test_modem_manager_matters_to_usb_ports_alone(monkeypatch):
     assert levels(copy) == [OK]
 
 
+def test_a_command_for_root_is_whole_in_a_folder_with_a_space(monkeypatch):
+    """The shell must take the path of `mrl` as one word."""
+    monkeypatch.setattr(computer, "programs_named", lambda name: [1])
+    monkeypatch.setattr(computer.sys, "argv", ["/my robots/.venv/bin/mrl", "doctor"])
+    copy = Port("/dev/ttyUSB7", (), 0x1A86, 0x7523)
+    (found,) = (each for each in computer.check(copy.device, copy) if each.subject == "ModemManager")
+    assert "sudo '/my robots/.venv/bin/mrl' system install" in found.advice
+
+
 MOVES = [
     (("calibrate", "wiring"), "Each wheel turns forward"),
     (("calibrate", "gains"), "The robot turns in place"),

@@ -156,9 +156,9 @@ FROM_THE_TABLE = {code for code in PROBLEMS if f'"{code}"' in REVIEW or code.sta
 
 
 FROM_THE_TABLE |= {"imu_dead", "imu_frozen", "imu_wrong", "imu_tilted"}
-
-
 """Codes whose message is read from the table."""
+OF_OTHERS = {"no_command", "no_ros"}
+"""Codes whose message is that of the shell or of ROS."""
 
 
 def text_of(node):
@@ -197,7 +197,26 @@ def test_the_messages_are_those_that_users_see():
         parts = [re.escape(part.lower()) for part in holes.split(text)]
         if text not in STOPPED and not re.search("[^\n]*".join(filter(None, parts)), sources()):
             unseen.append((code, text))
-    assert {code for code, _ in unseen} - FROM_THE_TABLE == set(), unseen
+    assert {code for code, _ in unseen} - FROM_THE_TABLE - OF_OTHERS == set(), unseen
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [
+        ("no_command", "mrl: command not found"),
+        ("no_ros", "[sim.launch] is neither a launch file in package [mrl_robots]"),
+    ],
+)
+def test_what_others_say_is_explained(code, text):
+    assert text in PROBLEMS[code].message
+
+
+def test_a_remedy_for_root_works_in_a_virtual_environment():
+    """`sudo mrl` is not found there."""
+    remedies = "\n".join(row.remedy for row in PROBLEMS.values())
+    assert 'sudo "$(which mrl)" system install' in remedies and not re.search(
+        r"sudo mrl|\bmrl system[^;]* as root", remedies
+    )
 
 
 @pytest.mark.parametrize("kind", ERRORS, ids=lambda each: each.__name__)

@@ -3,6 +3,7 @@
 import getpass
 import grp
 import os
+import shlex
 import stat
 import sys
 from typing import Iterator, List
@@ -37,8 +38,8 @@ def check(name: str, port: Port) -> Iterator[Finding]:
 
 def _as_root(words: str) -> str:
     """Return the command that runs this program as root; sudo does not search a virtual environment."""
-    program = sys.argv[0] if os.path.basename(sys.argv[0]) == "mrl" else f"{sys.executable} -m mrl_driver"
-    return f"sudo {program} {words}"
+    program = sys.argv[:1] if os.path.basename(sys.argv[0]) == "mrl" else [sys.executable, "-m", "mrl_driver"]
+    return f"sudo {shlex.join(program)} {words}"
 
 
 def _permission(name: str) -> Iterator[Finding]:
