@@ -15,7 +15,7 @@ from mrl_driver.errors import ConfigError, PortBusy
 from mrl_driver.terminal.keyboard import Keyboard
 
 _NEXT = """next:
-  mrl-sim --link ttySIM0        serves it until Ctrl-C, for: mrl doctor --port ttySIM0
+  mrl-sim --link ttySIM0        serves it on a port, for other programs
   mrl flash --build virtual     makes a bare Uno, Nano or Mega such a robot
   mrl new                       makes a robot of your own
 """

@@ -31,9 +31,9 @@ _POLL_S = 0.05
 _DEFAULT_ROBOT = "traxbot"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _NEXT = """next:
-  . .venv/bin/activate; mrl demo                      the robot by your keys, without ROS
-  mrl flash --build virtual --port /dev/ttyACM0       makes a bare Uno, Nano or Mega a robot in a room of its own
-  make run PORT=/dev/ttyACM0                          drives it, or a real robot, by your keys"""
+  . .venv/bin/activate; mrl demo                  drives without ROS
+  mrl flash --build virtual --port /dev/ttyACM0   makes a bare board a robot
+  make run PORT=/dev/ttyACM0                      drives it, or a real robot"""
 _DIED = re.compile(r"REQUIRED process \[(\w+)-\d+\] has died!\nprocess has died \[pid \d+, exit code (-?\d+)")
 """What roslaunch prints when a node ends."""
 

@@ -119,7 +119,7 @@ def test_duration_ends_the_run_of_the_firmwares_image_with_a_summary_and_nothing
     output = run.end()
     assert run.process.returncode == 0, output
     assert re.search(r"^ran [1-9]\d*\.\d s: pose x ", output, re.M)
-    assert re.search(r"^next:(\n  .*){3}\n\Z", output, re.M)
+    assert re.search(r"^next:(\n  .{1,78}){3}\n\Z", output, re.M)
     assert re.search(r"\b\d+ link errors", output) and "emulated in Python" not in output
     assert run.alive() == []
 
