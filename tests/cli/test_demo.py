@@ -18,7 +18,9 @@ def test_keys_drive_the_emulated_robot_and_q_ends_all():
     terminal.wait_for(r"\+0\.250 m/s", b"w")
     terminal.press(b"q")
     assert terminal.end() == 0
-    terminal.wait_for(r"x .* front [\d.]+ m .* battery 1[\d.]+ V \(ok\)\s+next:(\s+?\n  [^\r\n]{1,78}){2}\s+?\n  mrl new")
+    terminal.wait_for(
+        r"x .* front [\d.]+ m .* battery 1[\d.]+ V \(ok\)\s+next:(\s+?\n  [^\r\n]{1,78}){2}\s+?\n  mrl new"
+    )
 
 
 @pytest.mark.parametrize(("key", "code"), [(b"q", 0), (b"\x03", 130)])
