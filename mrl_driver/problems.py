@@ -51,8 +51,9 @@ link_lost: PORT went away
     firmware of 2013 does not.
   remedy: check the plug and the cable, or the radio's range; if it happens when motors start, solder 100 nF across each
     motor and keep the cable away from their wires
-no_command: mrl: command not found
+not_found: mrl: command not found
   also: mrl-sim: command not found
+  also: sudo: mrl: command not found
   cause: mrl and mrl-sim are in a virtual environment. Each new terminal must activate it, and sudo does not search it.
   remedy: run . ~/mrl-venv/bin/activate, or . .venv/bin/activate in a clone; after sudo, write "$(which mrl)" for mrl
 no_ros: [sim.launch] is neither a launch file in package [mrl_robots] nor is [mrl_robots] a launch file name

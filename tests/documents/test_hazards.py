@@ -157,7 +157,7 @@ FROM_THE_TABLE = {code for code in PROBLEMS if f'"{code}"' in REVIEW or code.sta
 
 FROM_THE_TABLE |= {"imu_dead", "imu_frozen", "imu_wrong", "imu_tilted"}
 """Codes whose message is read from the table."""
-OF_OTHERS = {"no_command", "no_ros"}
+OF_OTHERS = {"not_found", "no_ros"}
 """Codes whose message is that of the shell or of ROS."""
 
 
@@ -203,7 +203,7 @@ def test_the_messages_are_those_that_users_see():
 @pytest.mark.parametrize(
     ("code", "text"),
     [
-        ("no_command", "mrl: command not found"),
+        ("not_found", "mrl: command not found"),
         ("no_ros", "[sim.launch] is neither a launch file in package [mrl_robots]"),
     ],
 )
