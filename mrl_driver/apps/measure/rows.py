@@ -79,7 +79,7 @@ KINDS: Dict[str, Kind] = {
                     "reliability/link_loss_noticed_ms_max"),
     "return_s": Kind(HOST, "cable plugged in to working again", "s", 5.0, "board_timeout",
                      "reliability/reconnect_s_max"),
-    "sonar_wall": Kind(COURSE, "front sonar against a wall, 0.4 m closer", "mm", 0.0, "wheel_size"),
+    "sonar_wall": Kind(COURSE, "error of the front sonar, 0.4 m closer to a wall", "mm", 0.0, "wheel_size"),
     "slowest_mm_s": Kind(COURSE, "slowest speed at which both wheels turn smoothly", "mm/s", 0.0, "wheel_slow",
                          command=_GAINS),
     "full_speed": Kind(COURSE, "full speed, reached within 3 s", "mm/s", 0.0, "wheel_slow", more_is_better=True,
