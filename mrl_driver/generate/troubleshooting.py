@@ -14,8 +14,9 @@ Look for the message that you see, or for its code, which stands in brackets at 
 varies.
 
 If you do not know where to start, run `mrl doctor --port PORT`. It checks computer, port, board and robot, and does not
-move the robot. If a drive went wrong, record it (`mrl record drive.mrl --port PORT`) and run `mrl review drive.mrl`. To
-report a problem, add the output of `mrl doctor --report --port PORT` and the recording.
+move the robot. If a drive went wrong, record it (`mrl drive --record drive.mrl --port PORT`, or [from a
+program](data.md#recordings)) and run `mrl review drive.mrl`. To report a problem, add the output of
+`mrl doctor --report --port PORT` and the recording.
 
 **If a robot does something that you do not expect, switch off its motor power first, then look for the reason.**
 """
