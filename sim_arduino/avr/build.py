@@ -67,8 +67,6 @@ def _compile(target: Path, chip: str) -> None:
     command = [*compiler, f'-DCHIP_HEADER="{chip}.h"', *sources, "-o", str(target), "-lsimavr", "-lm"]
     try:
         result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
-    except FileNotFoundError as error:
-        raise _missing(f"there is no {compiler[0]}") from error
     except OSError as error:
         raise _missing(str(error)) from error
     if result.returncode:
