@@ -197,7 +197,9 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
     @click.option("--plot", metavar="FILE", help="Draw the result; needs matplotlib.")
     @click.option("--restart", is_flag=True, help="Discard the runs of an interrupted calibration.")
     @click.option(
-        "--eeprom/--no-eeprom", default=None, help="Write the board's EEPROM too, or not; default: ask."
+        "--eeprom/--no-eeprom",
+        default=None,
+        help="Write the board's EEPROM too, or not; default: ask, even with --yes.",
     )
     @functools.wraps(command)
     def wrapper(**options: Any) -> None:
