@@ -68,7 +68,7 @@ def _compile(target: Path, chip: str) -> None:
     try:
         result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
     except OSError as error:
-        raise _missing(str(error)) from error
+        raise _missing(f"{compiler[0]}: {error.strerror}") from error
     if result.returncode:
         lines = result.stdout.decode("utf-8", "replace").splitlines()
         errors = [line for line in lines if "error" in line or "cannot find" in line]

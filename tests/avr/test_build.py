@@ -44,6 +44,12 @@ def test_a_failed_build_names_reason_and_packages_and_leaves_nothing(tmp_path, c
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_a_missing_compiler_is_named_without_an_error_number(tmp_path, monkeypatch):
+    monkeypatch.setenv("CC", str(tmp_path / "none"))
+    with pytest.raises(SimulatorMissing, match=r"compiled \(/.*/none: No such file or directory\): .*apt-get install"):
+        build(tmp_path / "board.so", CHIP)
+
+
 @pytest.mark.parametrize("contents", [b"", b"\x7fELF", b"#!/bin/sh\n" * 20, b"\x7fELF\x02" + bytes(100)])
 def test_another_file_is_no_image(tmp_path, contents):
     path = tmp_path / "firmware.elf"
