@@ -1,7 +1,7 @@
 # The long runs.  With FAST=1 each is in its shortest form, in which `make smoke` runs them all; with KEEP=1 a full run
 # writes its figures to docs/figures.
 MINUTES ?= $(if $(FAST),0.02,10)
-BENCHES := firmware host sim radio hold ros relay fleet web
+BENCHES := firmware host sim radio hold ros small relay fleet web
 
 .PHONY: smoke figures experiments fuzz fuzz-readers reactions soak verify frames mutants review-holdout test-fresh \
   test-tutorials test-pythons explore $(BENCHES:%=bench-%)
@@ -12,6 +12,7 @@ bench-sim: firmware ## Measure the emulated boards; build/bench/sim.json
 bench-radio: firmware ## Measure texts by radio between emulated boards; build/bench/radio.json
 bench-hold: firmware ## Measure how soon a hold by radio stops a robot; build/bench/hold.json
 bench-ros: ## Measure the ROS node and, for comparison, a bare rospy loop; build/bench/ros.json
+bench-small: ## Measure the node and its page beside busy programs, and as root with a fifth of a core; build/bench/small.json
 bench-relay: ## Measure topics that cross between two masters, and a pulled cable; build/bench/relay.json
 bench-fleet: ## Measure team.launch with 20 robots and with one; build/bench/fleet.json
 bench-web: ## Measure stop times, CPU and first load of the page in Chromium; build/bench/web.json

@@ -46,7 +46,9 @@ def test_a_failed_build_names_reason_and_packages_and_leaves_nothing(tmp_path, c
 
 def test_a_missing_compiler_is_named_without_an_error_number(tmp_path, monkeypatch):
     monkeypatch.setenv("CC", str(tmp_path / "none"))
-    with pytest.raises(SimulatorMissing, match=r"compiled \(/.*/none: No such file or directory\): .*apt-get install"):
+    with pytest.raises(
+        SimulatorMissing, match=r"compiled \(/.*/none: No such file or directory\): .*apt-get install"
+    ):
         build(tmp_path / "board.so", CHIP)
 
 

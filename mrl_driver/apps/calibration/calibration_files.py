@@ -47,7 +47,7 @@ class Progress:
         if found is not None and found["settings"] != self._settings:
             raise ConfigError(
                 f"{self.path} holds runs of {self._procedure} with {_listed(found['settings'])}, expected "
-                f"{_listed(self._settings)}: give those options, or start again with --restart"
+                f"{_listed(self._settings)}: give the options of its runs, or start again with --restart"
             )
         return [from_json(each) for each in found["runs"]] if found is not None else []
 

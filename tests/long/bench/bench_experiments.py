@@ -27,7 +27,7 @@ from sim_arduino.experiments.experiment_robot import Setting
 from tests.long.bench import report
 
 SHORT: Tuple[Tuple[Any, Dict[str, Any]], ...] = (
-    (arena, {"LANE": 8, "EDGE_M": 1.2}),
+    (arena, {"LANE": 8, "EDGE_M": 1.6}),
     (gyro, {"TURNS": 1, "CALIBRATION_LEGS": 2, "CALIBRATION_TURNS": 1}),
     (l_course, {"WAYPOINTS": l_course.WAYPOINTS[:1]}),
     (mixed_team, {"DURATION_S": 5.0, "CONTROL_S": 3.0, "SLIPPING_S": 5.0}),

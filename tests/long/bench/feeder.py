@@ -63,6 +63,7 @@ class Board:
             self.moves.append((now, args[0], args[1]))
             self._speed = args[0] / 1000 / METRES_PER_COUNT
         elif code == CODE["stop"]:
+            self.moves.append((now, 0, 0))
             self._speed = 0.0
         elif code == CODE["robot_info"]:
             self._reply(code, 2500, 172, 1250, 2, 1)

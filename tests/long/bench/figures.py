@@ -28,7 +28,7 @@ EMULATED = ROOT / "mrl_driver" / "apps" / "measure" / "emulated.json"
 """Figures that the product needs, without docs/figures next to it."""
 DOCUMENTS = (
     *("README.md", "BENCHMARKS.md", "docs/command_line.md", "docs/experiments.md", "docs/measured/README.md"),
-    *("docs/robots/kits.md", "ros1_bridge/README.md"),
+    *("docs/raspberry_pi.md", "docs/robots/kits.md", "ros1_bridge/README.md"),
 )
 _REGION = re.compile(r"(<!-- figures: ([\w-]+) -->\n).*?(<!-- end of figures -->)", re.DOTALL)
 _NAMED = re.compile(r"\{([\w-]+)/([\w.-]+?)(?: / (\d+))?\}")
@@ -68,7 +68,7 @@ class Table(NamedTuple):
 
     Attributes:
         columns: Key of a row's figure by heading; `*` stands for the row's key.
-        history: The same for figures that no bench measures again.
+        history: The same for figures that a run need not give.
         subject: Files and folders that the figures depend on.
     """
 
