@@ -12,7 +12,7 @@ bench-sim: firmware ## Measure the emulated boards; build/bench/sim.json
 bench-radio: firmware ## Measure texts by radio between emulated boards; build/bench/radio.json
 bench-hold: firmware ## Measure how soon a hold by radio stops a robot; build/bench/hold.json
 bench-ros: ## Measure the ROS node and, for comparison, a bare rospy loop; build/bench/ros.json
-bench-small: ## Measure the node and its page beside busy programs, and as root with a fifth of a core; build/bench/small.json
+bench-small: ## Measure the node and its page next to busy programs, and as root with a fifth of a core; build/bench/small.json
 bench-relay: ## Measure topics that cross between two masters, and a pulled cable; build/bench/relay.json
 bench-fleet: ## Measure team.launch with 20 robots and with one; build/bench/fleet.json
 bench-web: ## Measure stop times, CPU and first load of the page in Chromium; build/bench/web.json
