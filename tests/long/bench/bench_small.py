@@ -29,6 +29,7 @@ LOOPS = report.either(2 * (os.cpu_count() or 1), 1)
 NICE, LESS = 9, 19
 FRAMES_HZ, TIMEOUT_S = 50.0, 0.5
 SHARE, PERIOD_US = 0.2, 5000
+CPU_RUNS = report.either(5, 1)
 PI4_FACTOR = 5  # Pure Python on a Pi 4 takes this many times the CPU; docs/raspberry_pi.md has the sources
 WEB = [
     sys.executable,
@@ -139,6 +140,7 @@ def busy(nice: int) -> Iterator[None]:
     loops = [Child("loop", endless, LOGS / "loop.log", dict(os.environ), ROOT) for _ in range(LOOPS)]
     try:
         yield
+        assert all(loop.exit_code is None for loop in loops), "a loop ended before the stops"
     finally:
         for loop in loops:
             loop.finish(0.0)
@@ -162,6 +164,8 @@ def fifth(pids: Sequence[int]) -> Iterator[None]:
             for name, value in {**limits, "cgroup.procs": pid}.items():
                 (made[-1] / name).write_text(str(value))
         yield
+        for group in made:
+            assert "nr_throttled 0\n" not in (group / "cpu.stat").read_text(), "nothing held it"
     finally:
         for pid, group in zip(pids, made):
             with contextlib.suppress(OSError):
@@ -172,7 +176,8 @@ def fifth(pids: Sequence[int]) -> Iterator[None]:
 def figures() -> Dict[str, report.Measured]:
     found: Dict[str, report.Measured] = {}
     with Master(), Robot() as robot:
-        found.update({**robot.cpu_figures(), **robot.figures("alone")})
+        found.update(report.by_key(report.repeat("CPU", CPU_RUNS, robot.cpu_figures)))
+        found.update(robot.figures("alone"))
         try:
             with fifth([node.pid for node in robot.nodes]):
                 found.update(robot.figures("fifth"))
