@@ -6,6 +6,7 @@ The fifth is left out without root or a control group to write.  FAST=1 is short
 """
 
 import contextlib
+import itertools
 import os
 import re
 import statistics
@@ -30,7 +31,8 @@ NICE, LESS = 9, 19
 FRAMES_HZ, TIMEOUT_S = 50.0, 0.5
 SHARE, PERIOD_US = 0.2, 5000
 CPU_RUNS = report.either(5, 1)
-PI4_FACTOR = 5  # Pure Python on a Pi 4 takes this many times the CPU; docs/raspberry_pi.md has the sources
+NBODY_STEPS = report.either(100_000, 2000)
+NBODY_PI4_US = 21.0  # CPU of a step on a Pi 4; docs/raspberry_pi.md has the source
 WEB = [
     sys.executable,
     str(ROOT / "ros1_bridge" / "nodes" / "web_node"),
@@ -38,6 +40,29 @@ WEB = [
     "_robot:=traxbot",
 ]
 GROUPS = Path("/sys/fs/cgroup")
+
+
+def nbody_us() -> float:
+    """CPU of a step of the n-body problem with five bodies, in pure Python [us]."""
+    bodies = [([4.0 * i, i - 2.0, 0.1 * i], [0.0, 0.6 * i, 0.1], 10.0**-i) for i in range(5)]
+    pairs = list(itertools.combinations(bodies, 2))
+    begun_s = time.process_time()
+    for _ in range(NBODY_STEPS):
+        for (at, speed, mass), (at_2, speed_2, mass_2) in pairs:
+            x, y, z = at[0] - at_2[0], at[1] - at_2[1], at[2] - at_2[2]
+            pull = 0.01 * (x * x + y * y + z * z) ** -1.5
+            by_2, by_1 = pull * mass_2, pull * mass
+            speed[0] -= x * by_2
+            speed[1] -= y * by_2
+            speed[2] -= z * by_2
+            speed_2[0] += x * by_1
+            speed_2[1] += y * by_1
+            speed_2[2] += z * by_1
+        for at, speed, _ in bodies:
+            at[0] += 0.01 * speed[0]
+            at[1] += 0.01 * speed[1]
+            at[2] += 0.01 * speed[2]
+    return 1e6 * (time.process_time() - begun_s) / NBODY_STEPS
 
 
 def at_nice(nice: int, *command: str) -> List[str]:
@@ -125,9 +150,10 @@ class Robot(Bench):
             time.sleep(WATCHED_S)
             over_s = time.monotonic() - begun_s
             shares = [(processes.cpu_s(pid) - before_s) / over_s for pid, before_s in zip(pids, used)]
-        found = {}
+        step_us = nbody_us()
+        found = {"nbody_us": step_us, "nbody_us_pi4": NBODY_PI4_US}
         for name, share in zip(("node", "web_node"), shares):
-            for where, factor in ("", 1), ("_pi4", PI4_FACTOR):
+            for where, factor in ("", 1.0), ("_pi4", NBODY_PI4_US / step_us):
                 found[f"{name}_frame_ms{where}"] = 1e3 * factor * share / FRAMES_HZ
                 found[f"{name}_cpu_percent{where}"] = 100 * factor * share
         return found
