@@ -2,6 +2,7 @@
 
 import time
 
+import numpy as np
 import pytest
 
 from mrl_driver.apps.calibration import manoeuvres
@@ -70,18 +71,43 @@ def test_motors_are_not_turned_on_without_telemetry(driven):
     assert all(motor.at_rest for motor in plant.robot.motors)
 
 
-def test_motors_that_stood_while_the_computer_was_busy_are_not_measured(driven, monkeypatch):
+@pytest.fixture
+def paused(driven, monkeypatch):
+    """A robot whose computer pauses in the third wait of each of the first steps; and the waits."""
+
+    def make(steps):
+        _, robot = driven("loss:rate=1,at=60", world="square")
+        wait, waits = robot.wait, []
+
+        def pause_in_the_third(seconds):
+            wait(seconds)
+            waits.extend([seconds] if seconds == manoeuvres.KEEP_ALIVE_S else [])
+            if waits and len(waits) % 3 == 0 and len(waits) <= 3 * steps:
+                robot.pause(0.4)
+
+        monkeypatch.setattr(robot, "wait", pause_in_the_third)
+        return robot, waits
+
+    return make
+
+
+def test_motors_that_stood_while_the_computer_was_busy_are_not_measured(paused):
     """The board's watchdog stopped them, and the step would go on in its middle."""
-    _, robot = driven(SILENCE, world="square")
-    wait, waits = robot.wait, []
-
-    def pause_in_the_third(seconds):
-        waits.append(seconds)
-        wait(seconds)
-        if len(waits) == 3:
-            robot.pause(0.4)
-
-    monkeypatch.setattr(robot, "wait", pause_in_the_third)
+    robot, waits = paused(1)
     with pytest.raises(HostBusy, match="the computer that drives the robot was too busy"):
         manoeuvres.spin_motors(robot, manoeuvres.MOVE_PID, (-40, 40), 1.0)
     assert len(waits) == 3
+
+
+def test_a_step_in_which_the_computer_was_busy_is_made_again(paused):
+    robot, waits = paused(2)
+    track = manoeuvres.Track(robot)
+    manoeuvres.step(robot, track, manoeuvres.MOVE_PID, (-40, 40), 1.0)
+    assert len(waits) == 3 + 3 + 10 and np.ptp(track.rows()[:, 0]) == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_step_on_a_computer_that_stays_busy_ends_with_the_reason(paused):
+    robot, waits = paused(3)
+    with pytest.raises(HostBusy):
+        manoeuvres.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE_PID, (-40, 40), 1.0)
+    assert len(waits) == 3 + 3 + 3

@@ -153,9 +153,7 @@ def listed(values: Any) -> str:
 
 def step(robot: Driver, track: Track, code: int, percent: int, seconds: float) -> Steps:
     """Turn in place from rest: left motor back, right motor forward."""
-    manoeuvres.settle(robot)
-    track.begin()
-    manoeuvres.spin_motors(robot, code, (-percent, percent), seconds)
+    manoeuvres.step(robot, track, code, (-percent, percent), seconds)
     rows = track.rows()
     manoeuvres.settle(robot)
     return _steps_of(rows, -percent, percent)

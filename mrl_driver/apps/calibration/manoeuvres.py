@@ -10,7 +10,7 @@ import numpy as np
 
 from mrl_driver.clocks import slept_s
 from mrl_driver.driver import Driver
-from mrl_driver.errors import BoardTimeout, ConfigError
+from mrl_driver.errors import BoardTimeout, ConfigError, HostBusy
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.line_follower import limit_to_stop
 from mrl_driver.protocol.stop_reason import StopReason
@@ -24,6 +24,7 @@ SETTLED_S = 0.4  # if the counts do not change for this time, the robot is at re
 PATIENCE_S = 5.0
 HELD_UP_S = 1.0
 """A robot stands while its driver refuses commands, as after a pause of the computer; it drives on within this time."""
+STEP_TRIES = 3
 KEEP_ALIVE_S = 0.1
 """Requests that drive motors are repeated after this time, which feeds the board's watchdog."""
 ARRIVED_M, ARRIVED_RAD = 0.003, math.radians(0.4)
@@ -231,3 +232,20 @@ def spin_motors(robot: Driver, code: int, percents: Sequence[int], seconds: floa
             error = stop_error(robot, "the motors did not turn on")
             robot.stop()
             raise error
+
+
+def step(robot: Driver, track: Track, code: int, percents: Sequence[int], seconds: float) -> None:
+    """From rest, begin the track and turn the motors as `spin_motors` does.
+
+    A step in which this computer was too busy is made again; raise HostBusy at the third such step.
+    """
+    for tries_left in reversed(range(STEP_TRIES)):
+        settle(robot)
+        track.begin()
+        try:
+            spin_motors(robot, code, percents, seconds)
+            break
+        except HostBusy:
+            if not tries_left:
+                raise
+            settle(robot)  # meanwhile the board reports its own stop, which is not one of the next step

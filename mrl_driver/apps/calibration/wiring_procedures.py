@@ -25,7 +25,7 @@ from .commands import calibrate_job
 from .commands.calibrate_job import Job, job_options, recording_option
 from .gain_procedures import CAPABILITY, counts_per_turn, ramp_off
 from .ground_truth import NOT_MEASURED, Ruler, Truth, require_terminal, ruler_for, tell
-from .manoeuvres import MOVE, Track
+from .manoeuvres import FIRST_WHEEL, MOVE, Track
 from .wiring_check import LEAST_RAD, LEFT, RIGHT, SET, SINGLE_CHANNEL, Trial, seen_in
 
 MOVE_WHEELS = BY_NAME["move_wheels"].code
@@ -169,22 +169,14 @@ def _move(
 ) -> Tuple[Dict[str, int], Pose]:
     """Turn two or four motors without speed control; return the counts by encoder, and the measured motion."""
     robot, track, ruler, _ = scene
-    manoeuvres.settle(robot)
     ruler.begin(name)
-    track.begin()
-    before = _counts(robot)
-    manoeuvres.spin_motors(robot, MOVE if len(percents) == FRONT else MOVE_WHEELS, percents, seconds)
+    manoeuvres.step(robot, track, MOVE if len(percents) == FRONT else MOVE_WHEELS, percents, seconds)
     manoeuvres.settle(robot)
-    track.rows()  # refuses counts that jumped
-    counts = {wheel: count - before[wheel] for wheel, count in _counts(robot).items()}
-    return counts, ruler.end(name, lambda _: None)
-
-
-def _counts(robot: Driver) -> Dict[str, int]:
-    """The counts by encoder; motors without encoders count nothing."""
+    rows = track.rows()
     assert robot.telemetry is not None
-    counts = robot.telemetry.counts._asdict()
-    return {wheel: int(np.nan_to_num(counts[wheel])) for wheel in WHEELS if wheel in counts}
+    turned = np.nan_to_num((rows[-1] - rows[0])[FIRST_WHEEL:])  # motors without encoders count nothing
+    counts = dict(zip(robot.telemetry.counts._fields, map(int, turned)))
+    return counts, ruler.end(name, lambda _: None)
 
 
 def recorded(path: str, model: RobotModel) -> List[str]:
