@@ -99,7 +99,7 @@ class Bench:
         self.kit, self._capsys = Kit(), capsys
 
     @contextlib.contextmanager
-    def connect(self, job):
+    def connect(self, job, **_):
         with SteppedDriver(self.kit, MODEL, Options()) as driver:
             yield driver
 
@@ -243,7 +243,7 @@ class Lab:
         self._capsys, self.record, self.robot = capsys, None, "duo"
 
     @contextlib.contextmanager
-    def connect(self, job):
+    def connect(self, job, **_):
         with SteppedDriver(self.made.engine, self.robot, recorded(self.record)) as robot:
             robot.parameters.write(SOFT._asdict())
             yield robot

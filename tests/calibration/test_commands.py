@@ -43,7 +43,7 @@ class Lab:
         self._capsys = capsys
 
     @contextlib.contextmanager
-    def connect(self, job):
+    def connect(self, job, **_):
         with self.robot(job.target.model) as robot:
             yield robot
 

@@ -114,7 +114,7 @@ def workshop_of(monkeypatch, tmp_path, capsys):
             monkeypatch.chdir(tmp_path)
             monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
             monkeypatch.setattr(
-                calibrate_job, "connect", lambda job: made.robot(job.target.model, period_ms=20)
+                calibrate_job, "connect", lambda job, **_: made.robot(job.target.model, period_ms=20)
             )
             monkeypatch.setattr(
                 set_id, "connected", lambda target, model, any_id, **_: made.robot(model, any_id=any_id)

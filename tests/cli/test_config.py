@@ -56,6 +56,22 @@ def test_a_parameter_of_other_boards_is_refused_with_what_to_do(emulated_board, 
     assert "no parameter wiring" in line and "capability bridge" in line and "mrl flash" in line
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("drive", "--linear", "0.1", "--for", "1"),
+        ("goto", "1", "0"),
+        ("calibrate", "gains", "--yes"),
+        ("measure", "--wheels-off-ground", "--yes"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_board_without_wiring_is_refused_before_anything_moves(duo, words):
+    mrl("config", "set", "wiring", "0", "--yes", "--port", duo)
+    line = fails(11, *words, "--port", duo)
+    assert "the board refuses to move: its bridge or its wiring is not set; store the robot's file" in line
+
+
 def test_a_change_is_saved_and_marked(emulated_board):
     done = mrl("config", "set", "kp", "800", "ki", "350", "--yes", "--port", emulated_board.port)
     assert done.stdout == "kp 700 to 800, ki 400 to 350: saved\n"

@@ -236,7 +236,7 @@ def wiring(job: Job, unseen: bool, recording: Optional[str], answers: Optional[s
         require_terminal(
             "--unseen to skip the question which wheel turned, or --answers with an H-bridge board"
         )
-    with calibrate_job.connect(job) as driver:
+    with calibrate_job.connect(job, finds_wiring=True) as driver:
         if CAPABILITY in driver.board.capabilities:
             _store(driver, job, unseen, answers, **bridge)
             return

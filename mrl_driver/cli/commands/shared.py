@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Callable, ContextManager, Iterator, List,
 
 import click
 
-from mrl_driver.errors import ConfigError, OutputError
+from mrl_driver.errors import BoardRefused, ConfigError, OutputError
 from mrl_driver.host import named_robots
 from mrl_driver.host.named_robots import Target
 from mrl_driver.json_text import json_text
+from mrl_driver.problems import PROBLEMS
 from mrl_driver.program import in_plain_words
 from mrl_driver.robot import models
 from mrl_driver.robot.imu import LEARNING, WAITING
@@ -225,13 +226,14 @@ def connected(
     model: Optional["RobotModel"] = None,
     moves: bool = False,
     odometry: bool = False,
+    finds_wiring: bool = False,
     **options: Any,
 ) -> Iterator["Driver"]:
     """Connect a driver with these options for the block; `model` replaces the target's model.
 
     ConfigError if the block `moves` the robot, and its board has no motors, or if it needs `odometry`, and there is
-    none.  KeyboardInterrupt after Ctrl-C, with the robot stopped.  OutputError if everything else succeeded, but the
-    recording is incomplete.
+    none.  BoardRefused if it `moves` a robot whose wiring is not set, unless it `finds_wiring`.  KeyboardInterrupt
+    after Ctrl-C, with the robot stopped.  OutputError if everything else succeeded, but the recording is incomplete.
     """
     from mrl_driver.driver import Driver, Options
     from mrl_driver.driver.suspension import stopped_while_suspended
@@ -245,6 +247,8 @@ def connected(
                 print_message(f"warning: the serial link stays at {driver.link.baud} baud: {SLOW}")
             if moves and driver.model is not None:
                 driver.model.require_motors()
+            if moves and not finds_wiring:
+                _require_wiring(driver)
             if odometry and driver.model is not None:
                 driver.model.require_odometry()
             yield driver
@@ -256,6 +260,15 @@ def connected(
         raise
     if driver.recorder.loss:
         raise OutputError(driver.recorder.loss)
+
+
+def _require_wiring(driver: "Driver") -> None:
+    """Raise BoardRefused if the board refuses to move, because its bridge, pins or wiring are not set."""
+    if driver.status is not None and "wiring" in driver.status.faults:
+        problem = driver.parameters.wiring_problem() or "its bridge or its wiring is not set"
+        error = BoardRefused(f"the board refuses to move: {problem}; {PROBLEMS['wiring'].remedy}")
+        error.code = "wiring"
+        raise error
 
 
 def report_events(driver: "Driver", *kinds: type) -> None:
