@@ -102,12 +102,12 @@ def test_each_kind_of_row_names_a_cause_that_is_explained_or_is_only_reported(ke
     assert kind.cause in PROBLEMS or math.isinf(kind.tolerance)
 
 
-def test_a_watchdog_that_could_not_be_timed_is_turned_off_again(monkeypatch):
+def test_wheels_without_power_are_no_sound_watchdog_and_it_is_turned_off_again(monkeypatch):
     monkeypatch.setattr(line, "way", lambda *_, **__: line.Way(0.0, 0.0))
     with contextlib.closing(factory.make(factory.Options("duo"))) as made:
         link = SteppedLink(made.engine)
         row = line.watchdog(line.Line(link, lambda: link.now_s))
-        assert row.note == "the wheels did not turn" and made.engine.watchdog_ms == 0
+        assert row.likely == "wheels_powerless" and made.engine.watchdog_ms == 0
 
 
 def test_a_watchdog_whose_measurement_is_interrupted_is_turned_off_again(monkeypatch):

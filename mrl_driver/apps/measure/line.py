@@ -14,7 +14,7 @@ from mrl_driver.protocol.table import BY_NAME, TICK_S
 from mrl_driver.session.board_clock import BoardClock
 from mrl_driver.transport.link import Link
 
-from .rows import OLD_TURNAROUNDS, TURNAROUNDS, Row, absent
+from .rows import OLD_TURNAROUNDS, TURNAROUNDS, Row, absent, failed
 
 ANSWER_S, PATIENCE_S, AGAIN_S = 0.5, 10.0, 0.25
 """Time for an answer, for the first one, and from one attempt at that to the next [s]."""
@@ -310,7 +310,7 @@ def watchdog(line: Line) -> Row:
     if not whole:
         return absent("watchdog_ms", "answers were lost in each trial")
     if any(silent.counts_s < LEAST_COUNTS_S for _, silent in whole):
-        return absent("watchdog_ms", "the wheels did not turn")
+        return failed("watchdog_ms", "the wheels did not turn", "wheels_powerless")
     times_ms = [1000 * (silent.counts - stopped.counts) / silent.counts_s for stopped, silent in whole]
     return Row("watchdog_ms", median(times_ms), WATCHDOG_MS, len(times_ms))
 
