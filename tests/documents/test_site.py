@@ -47,6 +47,11 @@ def test_the_search_works_from_the_disk_without_another_host():
     assert SETTINGS["extra"]["polyfills"] == ["iframe-worker.js"]
 
 
+def test_the_search_finds_a_code_as_it_is_printed():
+    separator = next(each["search"]["separator"] for each in SETTINGS["plugins"] if "search" in each)
+    assert "no_telemetry" in re.split(separator, "no data arrived from the robot  [no_telemetry]")
+
+
 def test_the_site_describes_each_public_module():
     pages = [path.read_text(encoding="utf-8") for path in PAGES.rglob("*.md")]
     described = {module for page in pages for module in re.findall(r"^::: (\S+)$", page, re.M)}
