@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Dict, NamedTuple
 from mrl_driver.errors import BoardError, BoardTimeout, HostBusy, WheelFault
 from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.safety.wheel_monitor import BOARD_STOPS
+from mrl_driver.safety.wheel_monitor import BOARD_STOPS, FAST, POWERLESS, REVERSED, Mismatch
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -87,6 +87,14 @@ def stopped_by(driver: "Driver") -> str:
     if driver.radio.hold is not None and driver.radio.hold.held:
         return f"stopped: {driver.radio.hold}"
     return remedied_text(driver.stop_reason)
+
+
+_MISMATCHES = {REVERSED: "wheel_reversed", POWERLESS: "wheels_powerless", FAST: "speed_scale"}
+
+
+def fault_code(mismatch: Mismatch) -> str:
+    """Return the code of the problem that a wheel has."""
+    return BOARD_STOPS.get(mismatch.reason) or _MISMATCHES.get(mismatch.cause, "wheel_dead")
 
 
 def stop_error(driver: "Driver", what: str) -> BoardError:

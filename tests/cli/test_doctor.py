@@ -18,6 +18,7 @@ from mrl_driver.protocol.table import FAULTS, PARAMETER_BY_NAME
 from mrl_driver.recording.recording import Recording
 from mrl_driver.robot import models
 from mrl_driver.robot.hold import Hold
+from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.session import Status
 from mrl_driver.transport.link import SerialLink
@@ -240,8 +241,14 @@ def test_another_curve_of_the_sonars(values, level, words):
     ],
 )
 def test_what_the_counters_say_of_a_wheel(right_m, left_m, words):
-    assert words in wheels.evaluate("right", Moved(right_m, left_m, "")).text
-    assert words in wheels.evaluate("left", Moved(left_m, right_m, "")).text
+    assert words in wheels.evaluate("right", Moved(right_m, left_m)).text
+    assert words in wheels.evaluate("left", Moved(left_m, right_m)).text
+
+
+def test_a_wheel_for_which_the_driver_stopped_the_robot_is_not_sound():
+    """It had turned far enough before it was blocked."""
+    found = wheels.evaluate("right", Moved(0.06, 0.0, Mismatch("right", DEAD, 0.013)))
+    assert (found.level, found.code) == (FAULT, "wheel_dead")
 
 
 def test_a_pause_of_this_computer_does_not_shorten_a_wheels_turn():
@@ -287,7 +294,7 @@ def test_the_sonar_with_a_hand_before_it(ranges, name):
 
 def test_the_users_eyes_overrule_the_counters(monkeypatch):
     monkeypatch.setattr(
-        wheels, "turn", lambda driver, side: Moved(*((0.1, 0.0) if side == "right" else (0.0, 0.1)), "")
+        wheels, "turn", lambda driver, side: Moved(*((0.1, 0.0) if side == "right" else (0.0, 0.1)))
     )
 
     class Driver:

@@ -27,7 +27,7 @@ from mrl_driver.apps.measure.rows import (
     kind_of,
 )  # fmt: skip
 from mrl_driver.driver import Driver, Options
-from mrl_driver.driver.simulated import SteppedLink
+from mrl_driver.driver.simulated import SteppedDriver, SteppedLink
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import unwritable
 from mrl_driver.json_text import json_text
@@ -102,12 +102,70 @@ def test_each_kind_of_row_names_a_cause_that_is_explained_or_is_only_reported(ke
     assert kind.cause in PROBLEMS or math.isinf(kind.tolerance)
 
 
-def test_wheels_without_power_are_no_sound_watchdog_and_it_is_turned_off_again(monkeypatch):
-    monkeypatch.setattr(line, "way", lambda *_, **__: line.Way(0.0, 0.0))
-    with contextlib.closing(factory.make(factory.Options("duo"))) as made:
+@contextlib.contextmanager
+def simulated(**options):
+    """An emulated robot, its link, and the line of a measurement."""
+    with contextlib.closing(factory.make(factory.Options(**options))) as made:
         link = SteppedLink(made.engine)
-        row = line.watchdog(line.Line(link, lambda: link.now_s))
-        assert row.likely == "wheels_powerless" and made.engine.watchdog_ms == 0
+        yield made, link, line.Line(link, lambda: link.now_s)
+
+
+@pytest.mark.parametrize(
+    ("wheels_s", "cause"),
+    [((0.0, 0.0), "wheels_powerless"), ((0.0, 900.0), "wheel_dead"), ((900.0, 0.0), "wheel_dead")],
+)
+def test_a_watchdog_is_not_timed_by_wheels_that_stand_and_is_turned_off_again(monkeypatch, wheels_s, cause):
+    monkeypatch.setattr(line, "way", lambda *_, **__: line.Way(0.0, wheels_s))
+    with simulated(robot="duo") as (made, _, bare):
+        assert line.watchdog(bare).likely == cause and made.engine.watchdog_ms == 0
+
+
+@pytest.mark.parametrize("profile", ["current", "2013-august"])
+def test_a_stop_is_not_timed_by_a_wheel_that_is_blocked(profile):
+    options = factory.Options("traxbot", profile=profile, faults=("wheel_blocked:wheel=left",))
+    with contextlib.closing(factory.make(options)) as made, SteppedDriver(made.engine) as driver:
+        row = host.stops(driver, moves=True)
+    assert row.likely == "wheel_dead"
+
+
+def test_a_rate_that_a_board_of_2013_does_not_promise_is_only_reported():
+    options = factory.Options("traxbot", profile="2013-august")
+    with contextlib.closing(factory.make(options)) as made, SteppedDriver(made.engine) as driver:
+        rows = {row.key: row for row in host.rows(driver, moves=False)}
+    assert rows["telemetry_hz"].verdict == REPORTED
+
+
+def test_a_value_that_is_no_number_is_worse():
+    assert Row("stream_hz", math.nan, 430.0).verdict == WORSE
+
+
+@pytest.mark.parametrize("robot", ["traxbot", "duo"])
+def test_a_robot_stands_after_an_interruption_also_if_a_stop_is_damaged(monkeypatch, robot):
+    """The watchdog must not be turned off while the wheels still turn."""
+    stops = []
+
+    def interrupted(bare, speed_mm_s, seconds):
+        for _ in range(10):
+            bare.send("move_differential", speed_mm_s, 0)
+            list(bare.heard(line.FEED_S))
+        raise KeyboardInterrupt
+
+    with simulated(robot=robot, world="square", footprint="none") as (made, link, _):
+        write = link.write
+
+        def damage_the_first_stop(data):
+            if data.startswith(b"@13") and made.plant.true_pose.x_m > 0.01:
+                stops.append(data)
+            write(data[:-1] if len(stops) == 1 else data)
+
+        monkeypatch.setattr(link, "write", damage_the_first_stop)
+        monkeypatch.setattr(line, "_roll", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            list(line.rows(link, lambda: link.now_s, moves=True))
+        here_m = made.plant.true_pose.x_m
+        link.skip(5.0)
+        assert made.plant.true_pose.x_m == pytest.approx(here_m, abs=1e-3)
+        assert set(stops) == {b"@13e"} and made.engine.watchdog_ms == 0
 
 
 def test_a_watchdog_whose_measurement_is_interrupted_is_turned_off_again(monkeypatch):

@@ -30,7 +30,7 @@ from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.models.drives import moves_sideways
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.safety.wheel_monitor import BOARD_STOPS, FAST, POWERLESS, REVERSED
+from mrl_driver.view.words import fault_code
 
 from .rows import COURSE, KINDS, Row, absent, failed, keys_of
 
@@ -52,7 +52,6 @@ SEEN_PERCENT = 1.0
 SURE = {1: 15.1, 2: 18.4, 3: 21.1}
 """Squared deviations that one sound robot in 10 000 exceeds, by the number of values (chi-squared)."""
 _POSE = BY_NAME["read_virtual_pose"].code
-_MISMATCHES = {REVERSED: "wheel_reversed", POWERLESS: "wheels_powerless", FAST: "speed_scale"}
 _OMNI = {
     "wheel_size": "correct metres_per_count in the robot's file: multiply it by the true distance over the wheels'",
     "track_width": "correct radius_m in the robot's file: multiply it by the wheels' angle over the true one",
@@ -141,10 +140,7 @@ def _cause_of(robot: Driver, error: MrlError, jumps: int) -> str:
         return "encoder_noise" if robot.link.statistics.refused_counts > jumps else ""
     if robot.battery_state in ("empty", "off"):
         return f"battery_{robot.battery_state}"
-    mismatch = robot.mismatch
-    if mismatch is None:
-        return error.code
-    return BOARD_STOPS.get(mismatch.reason) or _MISMATCHES.get(mismatch.cause, "wheel_dead")
+    return error.code if robot.mismatch is None else fault_code(robot.mismatch)
 
 
 def keys(model: RobotModel) -> List[str]:

@@ -1,5 +1,7 @@
 """What is measured with the driver: this computer, telemetry, the stop, and the cable that is pulled."""
 
+import math
+import operator
 import os
 import time
 from statistics import median
@@ -9,9 +11,10 @@ from mrl_driver.cli.doctor import board
 from mrl_driver.cli.doctor.findings import FAULT, WARNING, Finding
 from mrl_driver.driver import Driver
 from mrl_driver.session.events import Lost, Reconnected
+from mrl_driver.view.words import fault_code
 
 from .line import percentile
-from .rows import Row, absent
+from .rows import Row, absent, failed
 
 WAITS, WAIT_S = 250, 0.02
 DRIVE_S, DRIVE_M_S, STOPS = 0.6, 0.1, 5
@@ -24,7 +27,8 @@ def rows(driver: Driver, moves: bool) -> Iterator[Row]:
     """Measure all rows of this computer; the robot drives only with `moves`."""
     yield from waits(driver)
     seen = board.watch(driver)
-    yield Row("telemetry_hz", seen.rate_hz, seen.expected_hz or seen.rate_hz)
+    unknown = None if seen.expected_hz else math.inf  # a board of 2013 does not say what it sends
+    yield Row("telemetry_hz", seen.rate_hz, seen.expected_hz or 0.0, allowed=unknown)
     trips_ms = [1000 * each for each in seen.round_trips_s]
     yield Row("driver_delay_ms", median(trips_ms), number=len(trips_ms), p99=percentile(trips_ms, 0.99))
     yield stops(driver, moves)
@@ -57,9 +61,15 @@ def stops(driver: Driver, moves: bool) -> Row:
         return absent("stop_confirmed_ms", "the board has no motors")
     times_ms: List[float] = []
     for number in range(STOPS):
+        before = driver.telemetry
         for _ in range(round(DRIVE_S / WAIT_S) if moves else 0):
             driver.drive(-DRIVE_M_S if number % 2 else DRIVE_M_S, 0.0)
             driver.wait(WAIT_S)
+        if driver.mismatch is not None:
+            return failed("stop_confirmed_ms", str(driver.mismatch), fault_code(driver.mismatch))
+        after = driver.telemetry
+        if moves and before and after and any(map(operator.eq, before.counts, after.counts)):
+            return failed("stop_confirmed_ms", "a wheel did not turn", "wheel_dead")
         start_s = driver.now_s
         driver.stop()
         while not driver.stopped and driver.now_s - start_s < MOST_STOP_S:

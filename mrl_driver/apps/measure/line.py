@@ -29,8 +29,11 @@ delay the frames of this time [s]."""
 WATCHDOG_MS, TRIALS = 250, 3
 ROLL_S, STEADY_S, LONGEST_S = 1.6, 0.4, 1.2
 """Time to reach a speed also with weak gains and a weak battery, to measure it, and of the way to rest [s]."""
+SIDES = ("right", "left")
 Clock = Callable[[], float]
-FEED_S, SPEED_MM_S, LEAST_COUNTS_S = 0.1, 120, 50.0
+FEED_S, SPEED_MM_S, LEAST_COUNTS_S = 0.1, 120, 25.0
+STOPS, STILL_S = 10, 0.1
+"""A stop is repeated until no wheel counts in `STILL_S` [s]."""
 
 
 def no_answer(name: str) -> BoardTimeout:
@@ -60,7 +63,10 @@ class Line:
 
     def send(self, name: str, *args: int) -> None:
         """Send a request."""
-        code, checked = BY_NAME[name].code, self._decoder.checked
+        code = BY_NAME[name].code
+        checked = (
+            self._decoder.checked and name != "stop"
+        )  # a damaged checksum must not keep a stop from the board
         self._link.write(encode_request(code, *args, checked=checked, wrapped=self.old))
 
     def heard(self, seconds: float) -> Iterator[Heard]:
@@ -100,10 +106,24 @@ class Line:
                 return
         raise no_answer("set_check")
 
-    def end(self) -> None:
-        """End what these measurements, or a program before them, may have started."""
+    def stand(self) -> bool:
+        """Stop until the wheels stand; False if that was not seen."""
+        for _ in range(STOPS):
+            self.send("stop")
+            first, _, later = self.ask("read_encoders"), list(self.heard(STILL_S)), self.ask("read_encoders")
+            if first is not None and later is not None and not any(_turned(first, later)):
+                return True
+        return False
+
+    def end(self, moved: bool = False) -> None:
+        """End what these measurements, or a program before them, may have started.
+
+        If they have `moved` the wheels, the watchdog stays on until these stand.
+        """
+        stands = not moved or self.stand()
         for name, *args in _ENDS[:2] if self.old else _ENDS:
-            self.send(name, *args)
+            if stands or name != "set_watchdog":
+                self.send(name, *args)
 
     def quiet(self) -> None:
         """As `end`, and forget what was damaged until then."""
@@ -138,7 +158,7 @@ def rows(link: Link, clock: Clock, moves: bool, old: bool = False) -> Iterator[R
         yield damaged(line)  # the likely cause
         raise
     finally:
-        line.end()
+        line.end(moves)
 
 
 def damaged(line: Line) -> Row:
@@ -291,10 +311,15 @@ def _disturbed(time_s: float, fed_s: Sequence[float]) -> bool:
 
 
 class Way(NamedTuple):
-    """Counts of both wheels from a moment on until the robot stands, and their speed before it [1/s]."""
+    """Counts of both wheels from a moment on until the robot stands, and the speed of each before it [1/s]."""
 
     counts: float
-    counts_s: float
+    wheels_s: Sequence[float]  # right, left
+
+    @property
+    def counts_s(self) -> float:
+        """Their speed together [1/s]."""
+        return sum(self.wheels_s)
 
 
 def watchdog(line: Line) -> Row:
@@ -309,8 +334,12 @@ def watchdog(line: Line) -> Row:
     whole = [(stopped, silent) for stopped, silent in tried if stopped and silent]
     if not whole:
         return absent("watchdog_ms", "answers were lost in each trial")
-    if any(silent.counts_s < LEAST_COUNTS_S for _, silent in whole):
-        return failed("watchdog_ms", "the wheels did not turn", "wheels_powerless")
+    still = [
+        name for i, name in enumerate(SIDES) if min(each.wheels_s[i] for _, each in whole) < LEAST_COUNTS_S
+    ]
+    if still:
+        cause = "wheels_powerless" if len(still) == len(SIDES) else "wheel_dead"
+        return failed("watchdog_ms", f"wheels that did not turn: {' and '.join(still)}", cause)
     times_ms = [1000 * (silent.counts - stopped.counts) / silent.counts_s for stopped, silent in whole]
     return Row("watchdog_ms", median(times_ms), WATCHDOG_MS, len(times_ms))
 
@@ -332,7 +361,7 @@ def way(line: Line, speed_mm_s: int, stops: bool) -> Optional[Way]:
     if stamps[0] is None or stamps[1] is None:
         return None
     seconds = to_int16(stamps[0].time - stamps[1].time) * TICK_S
-    return Way(_turned(last, end), _turned(before, last) / seconds)
+    return Way(sum(_turned(last, end)), [each / seconds for each in _turned(before, last)])
 
 
 def _roll(line: Line, speed_mm_s: int, seconds: float) -> None:
@@ -341,7 +370,8 @@ def _roll(line: Line, speed_mm_s: int, seconds: float) -> None:
         list(line.heard(FEED_S))
 
 
-def _turned(first: Heard, second: Heard) -> float:
-    """Counts of both wheels between two answers."""
-    (right, left), (later_right, later_left) = first.frame.args[:2], second.frame.args[:2]
-    return abs(to_int16(later_right - right)) + abs(to_int16(later_left - left))
+def _turned(first: Heard, second: Heard) -> List[int]:
+    """Counts of the right and of the left wheel between two answers."""
+    return [
+        abs(to_int16(after - before)) for before, after in zip(first.frame.args[:2], second.frame.args[:2])
+    ]

@@ -131,7 +131,7 @@ class Row(NamedTuple):
         if self.tolerance == float("inf"):
             return REPORTED
         worse = (self.value - self.expected) * (-1 if self.kind.more_is_better else 1)
-        return WORSE if worse > self.tolerance else BETTER if worse < -self.tolerance else AGREES
+        return BETTER if worse < -self.tolerance else AGREES if worse <= self.tolerance else WORSE  # also NaN
 
     @property
     def likely(self) -> str:

@@ -5,6 +5,8 @@ import time
 from typing import TYPE_CHECKING, Callable, Dict, Iterator, Mapping, NamedTuple, Optional
 
 from mrl_driver.robot.odometry import Wheels
+from mrl_driver.safety.wheel_monitor import Mismatch
+from mrl_driver.view.words import fault_code
 
 from .findings import OK, Finding, fault, note, ok
 
@@ -31,7 +33,7 @@ class Moved(NamedTuple):
 
     right_m: float
     left_m: float
-    cause: str  # why the driver stopped the robot early; empty if it did not
+    fault: Optional[Mismatch] = None  # for which the robot was stopped early
 
 
 def check(driver: "Driver", ask: Optional[Ask]) -> Iterator[Finding]:
@@ -69,13 +71,13 @@ def turn(driver: "Driver", side: str) -> Moved:
         driver.wait(STEP_S)
         before_s, made_s = made_s, _stamp_s(driver)
         left_s -= min(made_s - before_s, 2 * STEP_S)
-    cause = "" if driver.mismatch is None else driver.mismatch.cause
+    mismatch = driver.mismatch
     driver.stop()
     end_s = driver.now_s + REST_S
     while not driver.stopped and driver.now_s < end_s:
         driver.wait(STEP_S)
     now = _counts(driver)
-    return Moved((now.right - start.right) * metres, (now.left - start.left) * metres, cause)
+    return Moved((now.right - start.right) * metres, (now.left - start.left) * metres, mismatch)
 
 
 def _stamp_s(driver: "Driver") -> float:
@@ -94,6 +96,8 @@ def evaluate(side: str, moved: Moved) -> Finding:
     words = f"{own * 1000:.0f} mm, the other wheel {other * 1000:.0f} mm"
     wheel = f"{side} wheel"
     if own >= MIN_MOVED_M and abs(other) <= OTHER_WHEEL_SHARE * own:
+        if moved.fault is not None:
+            return fault(fault_code(moved.fault), wheel, f"{moved.fault} ({words})")
         return ok(wheel, f"turns and counts forward ({words})")
     if own <= -MIN_MOVED_M and abs(other) <= OTHER_WHEEL_SHARE * -own:
         return fault("wheel_reversed", wheel, f"counts backwards ({words})")
