@@ -64,6 +64,13 @@ def test_a_robot_that_is_stopped_on_its_way_does_not_drive_on(robot):
     assert driver.pose.x_m < 0.5
 
 
+def test_a_robot_whose_terminal_was_held_up_does_not_drive_on(robot):
+    driver = robot("[9, -9, 9, 9]")
+    with pytest.raises(BoardTimeout, match="stopped early: no new command arrived in time"):
+        drive_to(driver, Pose(1.0, 0.0, 0.0), 60.0, lambda _: driver.wait(30.0))
+    assert driver.pose.x_m < 0.5
+
+
 @pytest.mark.emulated_board(robot="traxbot")
 def test_the_command_drives_there_and_prints_where_the_robot_is(emulated_board):
     """A negative number is not an option."""

@@ -89,6 +89,7 @@ def drive_to(driver: "Driver", goal: Pose, timeout_s: float, tell: Callable[[str
             away_m = math.dist(goal[:2], driver.pose[:2])
             waits = f", waits: {seeker.why}" if seeker.blind else ""
             tell(f"{away_m:.2f} m to go, at {_text(driver.pose)}{waits}")
+            require_driving(driver)
     confirm_stop(driver)
     if seeker.reached:
         return ""
