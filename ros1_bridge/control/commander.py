@@ -228,16 +228,16 @@ class Commander:
         if self._slept_s > before_s + LOST_S:
             self.end_goals()
 
-    def end_goals(self) -> None:
-        """The board was away or has restarted, or the computer was suspended.  The robot stands, and no goal and no
-        command of before moves it again.
+    def end_goals(self, stop: bool = True) -> None:
+        """The board was away or has restarted, its power is off, or the computer was suspended.  The robot stands, and
+        no goal and no command of before moves it again.  Without `stop`, the driver is already stopping it.
 
         Raises:
             MrlError: see `stop`; goals are ended nevertheless.
         """
         self.sources.distrust()
         try:
-            if self.driving:  # by a command that came just before
+            if stop and self.driving:  # by a command that came just before
                 self.stop()
         finally:
             self.cancel_goals(True)

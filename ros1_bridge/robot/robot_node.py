@@ -356,6 +356,8 @@ class RobotNode:
         if state == before:
             return
         self._battery_state = state
+        if state in (EMPTY, OFF) and not self._parameters.ignore_battery:
+            self._commander.end_goals(stop=False)
         if state == LOW:
             rospy.logwarn(f"battery is low at {board.battery_v:.1f} V: charge it soon")
         elif state == EMPTY:

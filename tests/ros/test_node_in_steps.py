@@ -707,6 +707,22 @@ def test_each_state_of_the_battery_is_logged_once(node):
     assert said == [("warn", "is", "low"), ("err", "is", "empty"), ("err", "reads", "0.1")]
 
 
+@pytest.mark.parametrize(("ignored", "drives"), [(False, False), (True, True)])
+def test_a_planner_does_not_drive_on_when_an_empty_battery_is_full_again(node, ignored, drives):
+    def script():
+        yield from node.commands(twist(0.2))
+        before = len(node.sent("move_base/cancel"))
+        node.emulated.plant.robot.set_battery(7.5)
+        yield from node.commands(twist(0.2), turns=100)
+        assert node.driver.battery_state == "empty" and (node.driver.command is not None) == ignored
+        node.emulated.plant.robot.set_battery(12.0)
+        yield from node.commands(twist(0.2), turns=100)
+        assert node.driver.battery_state == "ok" and (node.driver.command is not None) == drives
+        assert (len(node.sent("move_base/cancel")) == before) == drives
+
+    node.run(script, given={"ignore_battery": ignored})
+
+
 def test_the_node_looks_at_its_robot_its_master_and_its_recording_now_and_then(node):
     def script():
         begin_s = node.now()
