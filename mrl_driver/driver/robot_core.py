@@ -285,6 +285,11 @@ class Core:
             raise MrlError(
                 f"{BY_CODE[code].name} is refused, nothing was sent: {self.hold if self.held else self.inputs}"
             )
+        if self.state.powerless:
+            raise MrlError(
+                f"{BY_CODE[code].name} is refused, nothing was sent: the battery is {self.state.battery_state}; charge "
+                "it, and switch it on"
+            )
         if self.leaving or self.inhibited:
             why = "the driver is being closed" if self.leaving else ", ".join(sorted(self.inhibited))
             raise MrlError(
@@ -475,12 +480,12 @@ class Core:
 
     def _spare_battery(self, now: float) -> None:
         """Stop to protect the battery: gently if it is empty; at once if motor power is off, so that the robot does
-        not move when power returns.
+        not move when power returns, or if a request turned the motors.
         """
         motion, model = self.session.motion, self.state.model
-        if motion.target is None or model is None:
+        if model is None or (motion.target is None and not self.session.turning):
             return
-        if self.state.battery_state == battery.OFF:
+        if motion.target is None or self.state.battery_state == battery.OFF:
             self.session.stop(now, StopReason.BATTERY)
             return
         speed_m_s = math.hypot(motion.target[0], *motion.target[2:]) / 1000

@@ -7,8 +7,11 @@ import pytest
 
 from mrl_driver.apps.calibration import manoeuvres
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import BoardTimeout, HostBusy
+from mrl_driver.errors import BoardTimeout, HostBusy, MrlError
+from mrl_driver.protocol.stop_reason import StopReason
+from mrl_driver.view.words import STOPS
 from sim_arduino.serve import factory
+from tests.driver.test_inputs import stepped
 
 SILENT_S, STOPPED_S = 1.0, 0.6
 SILENCE = f"loss:rate=1,at={SILENT_S},direction=to_host"
@@ -75,15 +78,16 @@ def test_motors_are_not_turned_on_without_telemetry(driven):
 def paused(driven, monkeypatch):
     """A robot whose computer pauses in the third wait of each of the first steps; and the waits."""
 
-    def make(steps):
-        _, robot = driven("loss:rate=1,at=60", world="square")
+    def make(steps, fault="loss:rate=1,at=60"):
+        _, robot = driven(fault, world="square")
         wait, waits = robot.wait, []
 
         def pause_in_the_third(seconds):
             wait(seconds)
-            waits.extend([seconds] if seconds == manoeuvres.KEEP_ALIVE_S else [])
-            if waits and len(waits) % 3 == 0 and len(waits) <= 3 * steps:
-                robot.pause(0.4)
+            if seconds == manoeuvres.KEEP_ALIVE_S:
+                waits.append(seconds)
+                if len(waits) % 3 == 0 and len(waits) <= 3 * steps:
+                    robot.pause(0.4)
 
         monkeypatch.setattr(robot, "wait", pause_in_the_third)
         return robot, waits
@@ -111,3 +115,87 @@ def test_a_step_on_a_computer_that_stays_busy_ends_with_the_reason(paused):
     with pytest.raises(HostBusy):
         manoeuvres.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE_PID, (-40, 40), 1.0)
     assert len(waits) == 3 + 3 + 3
+
+
+@pytest.mark.parametrize(
+    "fault", ["loss:rate=1,at=1.5,lasts=3,direction=to_host", "reset:at=1.6"], ids=["silence", "restart"]
+)
+def test_a_step_is_not_made_again_after_a_long_silence_or_a_restart(paused, fault):
+    """The board has forgotten the gains and ramp of the step, and who looks after the robot may have left."""
+    robot, waits = paused(1, fault)
+    with pytest.raises(BoardTimeout):
+        manoeuvres.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE_PID, (-40, 40), 1.0)
+    assert len(waits) == 3
+
+
+def test_a_step_is_not_made_again_after_a_suspension(paused, monkeypatch):
+    robot, waits = paused(1)
+    since_boot_s, pause = time.clock_gettime, robot.pause
+
+    def suspend(seconds):
+        pause(seconds)
+        monkeypatch.setattr(time, "clock_gettime", lambda clock: since_boot_s(clock) + 3600.0)
+
+    monkeypatch.setattr(robot, "pause", suspend)
+    with pytest.raises(HostBusy):
+        manoeuvres.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE_PID, (-40, 40), 1.0)
+    assert len(waits) == 3
+
+
+@pytest.fixture
+def touched(close_later):
+    """A robot with inputs, at rest; `touch` makes one active for a moment in the tenth wait."""
+
+    def make(name):
+        robot = close_later(stepped())
+        robot.connect()
+        robot.wait(0.4)
+        manoeuvres.settle(robot)
+        inputs, wait, waits = robot.plant.bridge.inputs, robot.wait, []
+
+        def touch(seconds):
+            waits.append(seconds)
+            inputs.pressed = {name} if len(waits) == 10 else set()
+            return wait(seconds)
+
+        robot.wait = touch
+        return robot, waits
+
+    return make
+
+
+@pytest.mark.parametrize("name", ["bumper_left", "cliff_left", "emergency_stop"])
+@pytest.mark.parametrize(
+    "drive",
+    [
+        lambda robot: manoeuvres.spin_motors(robot, manoeuvres.MOVE, (40, 40), 2.5),
+        lambda robot: manoeuvres.straight(robot, 1.0, manoeuvres.Speeds()),
+    ],
+    ids=["motors", "course"],
+)
+def test_an_input_that_was_active_for_a_moment_ends_a_calibration(touched, name, drive):
+    robot, waits = touched(name)
+    with pytest.raises(BoardTimeout, match=STOPS[StopReason(name.partition("_left")[0])].why):
+        drive(robot)
+    assert len(waits) < 15
+
+
+def test_a_wheel_that_is_blocked_ends_a_step_of_the_motors(close_later):
+    made = close_later(factory.make(factory.Options("duo", faults=("wheel_blocked:wheel=left",))))
+    robot = SteppedDriver(made.engine)
+    robot.connect()
+    manoeuvres.settle(robot)
+    with pytest.raises(BoardTimeout) as ended:
+        manoeuvres.spin_motors(robot, manoeuvres.MOVE, (100, 100), 5.0)
+    assert ended.value.code == "wheel_blocked"
+
+
+@pytest.mark.parametrize(("volts", "state"), [(7.5, "empty"), (0.1, "off")])
+def test_no_request_turns_motors_without_battery(driven, volts, state):
+    plant, robot = driven("loss:rate=1,at=60")
+    plant.robot.set_battery(volts)
+    with pytest.raises(MrlError, match=f"nothing was sent: the battery is {state}"):
+        for _ in range(100):
+            robot.request(manoeuvres.MOVE, 40, 40)
+            robot.wait(0.1)
+    assert robot.stop_reason == StopReason.BATTERY

@@ -25,6 +25,12 @@ PATIENCE_S = 5.0
 HELD_UP_S = 1.0
 """A robot stands while its driver refuses commands, as after a pause of the computer; it drives on within this time."""
 STEP_TRIES = 3
+_S = StopReason
+PASSING = (
+    *(_S.NONE, _S.USER, _S.HOST, _S.BOOT, _S.RESTARTED, _S.NO_TELEMETRY, _S.LINK_LOST),
+    *(_S.LINK_WATCHDOG, _S.COMMAND_TIMEOUT, _S.HOST_PAUSED),
+)
+"""Stops for the link, after which a course may go on; after all others somebody must look."""
 KEEP_ALIVE_S = 0.1
 """Requests that drive motors are repeated after this time, which feeds the board's watchdog."""
 ARRIVED_M, ARRIVED_RAD = 0.003, math.radians(0.4)
@@ -118,6 +124,8 @@ def settle(robot: Driver) -> None:
         still_s = still_s + TICK_S if counts == last and robot.stopped else 0.0
         last = counts
         if waited_s > PATIENCE_S:
+            if not robot.ready:
+                raise stop_error(robot, "the stop was not confirmed")
             raise BoardTimeout(
                 f"the wheels still turn {PATIENCE_S:g} s after a stop; switch the motor power off"
             )
@@ -131,8 +139,9 @@ def _counts(robot: Driver) -> Sequence[float]:
 def follow(robot: Driver, steer: Callable[[Pose], Command], patience_s: float) -> None:
     """Drive by `steer`, which returns speeds for a pose, or None at the end; then come to rest.
 
-    WheelFault if a wheel did not follow its command.  BoardTimeout if the robot accepted no command for `HELD_UP_S`,
-    its board restarted, this computer was suspended, or it did not arrive within `patience_s`.
+    WheelFault if a wheel did not follow its command.  BoardTimeout if a bumper or another input stopped the robot, it
+    accepted no command for `HELD_UP_S`, its board restarted, this computer was suspended, or it did not arrive within
+    `patience_s`.
     """
     waited_s = refused_s = 0.0
     restarts, most_s = robot.link.statistics.restarts, slept_s() + HELD_UP_S
@@ -148,6 +157,8 @@ def follow(robot: Driver, steer: Callable[[Pose], Command], patience_s: float) -
             robot.stop()
             raise error
         robot.wait(TICK_S)
+        if robot.command is None and robot.stop_reason not in PASSING:
+            raise stop_error(robot, "stopped early")
         waited_s += TICK_S
         if waited_s > patience_s:
             robot.stop()
@@ -223,12 +234,12 @@ def spin_motors(robot: Driver, code: int, percents: Sequence[int], seconds: floa
     """Turn the motors at these shares of full speed; afterwards they turn until they are stopped.
 
     The robot must be settled first; before that, the driver still repeats its stop.  Raise BoardTimeout, with the robot
-    stopped, if telemetry ends or this computer pauses.
+    stopped, if telemetry ends, this computer pauses, or the board stops the robot by itself.
     """
     for _ in range(max(1, round(seconds / KEEP_ALIVE_S))):
         robot.request(code, *percents)
         robot.wait(KEEP_ALIVE_S)
-        if not robot.ready or robot.stop_reason == StopReason.HOST_PAUSED:
+        if not robot.ready or robot.stop_reason != StopReason.USER:
             error = stop_error(robot, "the motors did not turn on")
             robot.stop()
             raise error
@@ -237,15 +248,19 @@ def spin_motors(robot: Driver, code: int, percents: Sequence[int], seconds: floa
 def step(robot: Driver, track: Track, code: int, percents: Sequence[int], seconds: float) -> None:
     """From rest, begin the track and turn the motors as `spin_motors` does.
 
-    A step in which this computer was too busy is made again; raise HostBusy at the third such step.
+    A step in which this computer was too busy is made again; raise HostBusy at the third such step, and after a pause
+    of more than `HELD_UP_S`, a suspension, or a restart of the board.
     """
+    restarts = robot.link.statistics.restarts
     for tries_left in reversed(range(STEP_TRIES)):
         settle(robot)
         track.begin()
+        most_s, asleep_s = robot.now_s + seconds + HELD_UP_S + SETTLED_S, slept_s() + HELD_UP_S
         try:
             spin_motors(robot, code, percents, seconds)
             break
         except HostBusy:
-            if not tries_left:
-                raise
             settle(robot)  # meanwhile the board reports its own stop, which is not one of the next step
+            late = robot.now_s > most_s or slept_s() > asleep_s
+            if late or not tries_left or robot.link.statistics.restarts != restarts:
+                raise
