@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from mrl_driver.apps.calibration import manoeuvres
+from mrl_driver.apps.measure import host
+from mrl_driver.cli.doctor import wheels
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, HostBusy, MrlError
 from mrl_driver.protocol.stop_reason import StopReason
@@ -170,14 +172,20 @@ def touched(close_later):
     [
         lambda robot: manoeuvres.spin_motors(robot, manoeuvres.MOVE, (40, 40), 2.5),
         lambda robot: manoeuvres.straight(robot, 1.0, manoeuvres.Speeds()),
+        lambda robot: wheels.turn(robot, "left"),
     ],
-    ids=["motors", "course"],
+    ids=["motors", "course", "doctor"],
 )
-def test_an_input_that_was_active_for_a_moment_ends_a_calibration(touched, name, drive):
+def test_an_input_that_was_active_for_a_moment_ends_what_drives_by_itself(touched, name, drive):
     robot, waits = touched(name)
     with pytest.raises(BoardTimeout, match=STOPS[StopReason(name.partition("_left")[0])].why):
         drive(robot)
     assert len(waits) < 15
+
+
+def test_a_stop_is_not_measured_after_an_input_was_active(touched):
+    robot, waits = touched("bumper_left")
+    assert host.stops(robot, moves=True).likely == "bumper_hit" and len(waits) < 15
 
 
 def test_a_wheel_that_is_blocked_ends_a_step_of_the_motors(close_later):

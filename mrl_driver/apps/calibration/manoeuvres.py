@@ -13,7 +13,7 @@ from mrl_driver.driver import Driver
 from mrl_driver.errors import BoardTimeout, ConfigError, HostBusy
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.line_follower import limit_to_stop
-from mrl_driver.protocol.stop_reason import StopReason
+from mrl_driver.protocol.stop_reason import PASSING, StopReason
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.odometry import AnyWheels, FourWheels
 from mrl_driver.robot.robot_state import Telemetry
@@ -25,12 +25,6 @@ PATIENCE_S = 5.0
 HELD_UP_S = 1.0
 """A robot stands while its driver refuses commands, as after a pause of the computer; it drives on within this time."""
 STEP_TRIES = 3
-_S = StopReason
-PASSING = (
-    *(_S.NONE, _S.USER, _S.HOST, _S.BOOT, _S.RESTARTED, _S.NO_TELEMETRY, _S.LINK_LOST),
-    *(_S.LINK_WATCHDOG, _S.COMMAND_TIMEOUT, _S.HOST_PAUSED),
-)
-"""Stops for the link, after which a course may go on; after all others somebody must look."""
 KEEP_ALIVE_S = 0.1
 """Requests that drive motors are repeated after this time, which feeds the board's watchdog."""
 ARRIVED_M, ARRIVED_RAD = 0.003, math.radians(0.4)

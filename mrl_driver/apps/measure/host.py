@@ -10,8 +10,9 @@ from typing import Callable, Iterator, List, Optional
 from mrl_driver.cli.doctor import board
 from mrl_driver.cli.doctor.findings import FAULT, WARNING, Finding
 from mrl_driver.driver import Driver
+from mrl_driver.protocol.stop_reason import PASSING
 from mrl_driver.session.events import Lost, Reconnected
-from mrl_driver.view.words import fault_code
+from mrl_driver.view.words import fault_code, stop_error
 
 from .line import percentile
 from .rows import Row, absent, failed
@@ -65,8 +66,10 @@ def stops(driver: Driver, moves: bool) -> Row:
         for _ in range(round(DRIVE_S / WAIT_S) if moves else 0):
             driver.drive(-DRIVE_M_S if number % 2 else DRIVE_M_S, 0.0)
             driver.wait(WAIT_S)
-        if driver.mismatch is not None:
-            return failed("stop_confirmed_ms", str(driver.mismatch), fault_code(driver.mismatch))
+            if driver.command is None and driver.stop_reason not in PASSING:
+                error = stop_error(driver, "stopped early")
+                code = error.code if driver.mismatch is None else fault_code(driver.mismatch)
+                return failed("stop_confirmed_ms", str(error), code)
         after = driver.telemetry
         if moves and before and after and any(map(operator.eq, before.counts, after.counts)):
             return failed("stop_confirmed_ms", "a wheel did not turn", "wheel_dead")

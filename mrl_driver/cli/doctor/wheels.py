@@ -4,9 +4,10 @@ import math
 import time
 from typing import TYPE_CHECKING, Callable, Dict, Iterator, Mapping, NamedTuple, Optional
 
+from mrl_driver.protocol.stop_reason import PASSING
 from mrl_driver.robot.odometry import Wheels
 from mrl_driver.safety.wheel_monitor import Mismatch
-from mrl_driver.view.words import fault_code
+from mrl_driver.view.words import fault_code, stop_error
 
 from .findings import OK, Finding, fault, note, ok
 
@@ -58,7 +59,7 @@ def check(driver: "Driver", ask: Optional[Ask]) -> Iterator[Finding]:
 
 
 def turn(driver: "Driver", side: str) -> Moved:
-    """Turn one wheel forward, and stop."""
+    """Turn one wheel forward, and stop; BoardTimeout if a bumper or another input stopped the robot."""
     model = driver.model
     assert model is not None
     metres, separation_m = model.base.metres_per_count, model.base.wheel_separation_m
@@ -69,6 +70,8 @@ def turn(driver: "Driver", side: str) -> Moved:
     while driver.mismatch is None and left_s > 0.0 and driver.now_s < end_s:
         driver.drive(*command)  # again also after a silence, in which the driver drops its command
         driver.wait(STEP_S)
+        if driver.command is None and driver.mismatch is None and driver.stop_reason not in PASSING:
+            raise stop_error(driver, "stopped early")
         before_s, made_s = made_s, _stamp_s(driver)
         left_s -= min(made_s - before_s, 2 * STEP_S)
     mismatch = driver.mismatch
