@@ -13,6 +13,7 @@ MISSED_M = 0.05
 """A reading that is further off the curve than this, and than `OUTLIERS` usual errors, counts as a missed wall."""
 OUTLIERS = 5.0
 MOST_MISSED = 0.2
+LEAST_R2 = 0.95  # with less, the readings do not follow the distances; a wall gives 0.999
 _B_RANGE = (0.5, 1.6)
 
 
@@ -56,7 +57,8 @@ def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> SonarFit:
     """The curve through readings of a wall; single readings that missed the wall are left out.
 
     `counts` (N,) are ADC counts, NaN for nothing in range or no reading, and `ranges_m` (N,) true distances.
-    ConfigError lists the distances if they are too few, or the wall was missed too often.
+    ConfigError lists the distances if they are too few, or the wall was missed too often.  ConfigError also if no curve
+    fits, or the board cannot store it.
     """
     s, truth = np.asarray(counts, float), np.asarray(ranges_m, float)
     valid = np.isfinite(s) & (s > 0)
@@ -73,6 +75,7 @@ def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> SonarFit:
         curve = better
     left = off[kept]
     r2 = 1 - float(left @ left) / float(np.sum((truth[kept] - truth[kept].mean()) ** 2))
+    _require_curve(curve, r2)
     return SonarFit(curve, r2, np.where(valid, off, np.nan), kept)
 
 
@@ -94,6 +97,20 @@ def require_wall(ranges_m: np.ndarray, valid: np.ndarray) -> None:
         )
 
 
+def _require_curve(curve: Curve, r2: float) -> None:
+    if not r2 >= LEAST_R2:
+        raise ConfigError(
+            f"the readings do not follow the distances: R2 {r2:.3f}, expected at least {LEAST_R2:g}; did the robot "
+            "drive, and did the sonar see the wall?"
+        )
+    nearest = curve.on_wire()
+    if not np.allclose(curve, nearest, rtol=0, atol=1e-4):
+        raise ConfigError(
+            "the board cannot store the curve {:.4f} s^{:.4f} {:+.4f}, expected one such as {:.4f} s^{:.4f} {:+.4f}; "
+            "measure the distances again".format(*curve, *nearest)
+        )
+
+
 def _least_squares(s: np.ndarray, ranges_m: np.ndarray) -> Curve:
     """Least-squares curve: for each b, the best a and c have a closed form; ever finer grids find b."""
     low, high = _B_RANGE
@@ -108,7 +125,8 @@ def _with(b: float, s: np.ndarray, ranges_m: np.ndarray) -> Tuple[float, Curve]:
     """Squared error and curve for this b; c stays within the board's range."""
     power, truth = s**b, 100 * ranges_m
     spread = power - power.mean()
-    a = float(spread @ truth / (spread @ spread))
+    scatter = float(spread @ spread)  # 0 for readings that are all alike
+    a = float(spread @ truth) / scatter if scatter else 0.0
     c = float(truth.mean() - a * power.mean())
     if abs(c) > 3.27:
         c = float(np.copysign(3.27, c))

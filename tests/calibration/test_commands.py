@@ -206,21 +206,6 @@ def test_sonar_curve_is_fitted_to_a_wall_and_saved_on_the_board(lab):
     assert lab.emulated.engine.config["sonar_a"] == board["sonar_a"] != 11767
 
 
-def test_the_error_of_a_sonar_curve_is_that_of_what_the_board_can_store(lab, tmp_path):
-    """The least squares need a = 3.94; the board stores at most 3.2767."""
-    distances_m, steep = np.arange(0.2, 2.01, 0.05), Curve(3.1455, 1.3271, 0.7707)
-    counts = np.round(steep.counts(distances_m))
-    rows = zip(distances_m, THESIS.range_m(counts))
-    (tmp_path / "wall.csv").write_text("".join(f"{distance},{reading}\n" for distance, reading in rows))
-    sonar = ("sonar", "--robot", "traxbot", "--points", "wall.csv", "--output", "a.yaml", "--yes", "--json")
-    code, out, lines = lab.mrl(*sonar)
-    board = models.load("a.yaml").board
-    stored = Curve(*(board[name] / 1e4 for name in models.CURVE_KEYS))
-    worst_m = np.abs(stored.range_m(counts) - distances_m).max()
-    assert code == 0 and worst_m > 0.3, lines
-    assert json.loads(out)["worst_m"] == pytest.approx(worst_m, abs=1e-6)
-
-
 @pytest.mark.parametrize("row", ["150,1.5", "1.5,150", "0,1.5", "nan,1.5"])
 def test_points_that_are_not_in_metres_are_refused(lab, tmp_path, row):
     (tmp_path / "wall.csv").write_text(f"0.5,0.51\n{row}\n")

@@ -65,6 +65,30 @@ def test_a_missing_wall_is_named_with_its_distance():
         sonar_curve.fit(counts, truth)
 
 
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda counts, rng: np.full(len(counts), 80.0),
+        lambda counts, rng: 80.0 + rng.integers(-1, 2, len(counts)),
+        lambda counts, rng: counts[::-1],
+    ],
+    ids=["constant", "wheels that spin", "rising towards the wall"],
+)
+@pytest.mark.filterwarnings("error")
+def test_readings_that_do_not_follow_the_distances_give_no_curve(damage):
+    rng = np.random.default_rng(1)
+    counts, truth = readings(THESIS, rng)
+    with pytest.raises(ConfigError, match=r"R2 -?[01]\.\d+, expected at least 0\.95; did the robot drive"):
+        sonar_curve.fit(damage(counts, rng), truth)
+
+
+def test_a_curve_that_the_board_cannot_store_is_refused():
+    """The least squares need a = 3.94; the board stores at most 3.2767."""
+    counts = np.round(Curve(3.1455, 1.3271, 0.7707).counts(DISTANCES_M))
+    with pytest.raises(ConfigError, match=r"cannot store the curve 3\.9\d+ s\^.* such as 3\.2767 s\^"):
+        sonar_curve.fit(counts, DISTANCES_M)
+
+
 @settings(max_examples=15, deadline=None)
 @given(st.floats(3000, 20000), st.floats(0.03, 0.4), st.floats(0.0, 0.1))
 def test_a_motor_is_found_in_its_step(full, tau, delay):
