@@ -358,6 +358,16 @@ def test_umbmark_from_recordings(lab, tmp_path):
     assert models.load("mine.yaml").drive == pytest.approx(true, abs=2e-4)
 
 
+def test_recorded_turns_without_a_heading_are_refused(lab, tmp_path):
+    runs = [
+        word
+        for i, sign in enumerate((1, -1))
+        for word in ("--run", f"{record(tmp_path / f'{i}.mrl', paths.turn(sign * 6.2))}:0.004,-0.003")
+    ]
+    line = lab.refused("turn", "--robot", "traxbot", "--output", "mine.yaml", "--yes", *runs)
+    assert "run 1 of 2 has no heading, expected x y [m] and the heading [deg]" in line
+
+
 @pytest.mark.parametrize(
     ("x_m", "world", "said"),
     [(1.1, None, "the front sonar measures 0.8"), (0.0, "walls: []\n", "the front sonar measures inf")],
@@ -424,14 +434,21 @@ def person(lab, monkeypatch):
     return make
 
 
-def test_a_person_is_guided_and_asked_again_after_a_slip_of_the_pen(lab, person):
-    """A turn each way measured with a protractor, one answer mistyped."""
+@pytest.mark.parametrize(
+    ("slip", "said"),
+    [
+        (lambda pose: "0.1; 2", "got '0.1; 2', expected x y [m]"),
+        (lambda pose: pose.rpartition(",")[0], "1 turn counter-clockwise has no heading"),
+    ],
+    ids=["mistyped", "no heading"],
+)
+def test_a_person_is_guided_and_asked_again_after_a_slip_of_the_pen(lab, person, slip, said):
+    """A turn each way measured with a protractor, one answer not as it must be."""
     lab.options = {"error": "slip=0.1"}
-    answers = person(
-        lambda n, x, y, yaw: "0.1; 2" if n == 1 else f"{x:.3f}, {y:.3f}, {math.degrees(yaw):.1f}"
-    )
+    measured = "{:.3f}, {:.3f}, {:.1f}".format
+    answers = person(lambda n, x, y, yaw: (slip if n == 1 else str)(measured(x, y, math.degrees(yaw))))
     code, _, lines = lab.mrl("turn", "--count", 2, "--turns", 1, "--yes")
-    assert code == 0 and any(line.startswith("got '0.1; 2', expected x y [m]") for line in lines)
+    assert code == 0 and any(said in line for line in lines)
     assert len(answers) == 3
     assert models.load("traxbot-1.yaml").drive.turn_slip == pytest.approx(0.1, abs=5e-3)
 

@@ -401,6 +401,18 @@ def test_a_calibration_writes_how_sure_it_is_of_what_it_measured():
     assert written == {"distance_scale_sd": fit.LEAST_SCALE_SD, "wheel_ratio_sd": fit.LEAST_SCALE_SD}
 
 
+def test_a_fit_that_has_not_come_to_an_end_gives_nothing(monkeypatch):
+    monkeypatch.setattr(fit, "STEPS", 1)
+    with pytest.raises(ConfigError, match="4 runs do not determine wheel_offset, turn_slip"):
+        fit.fit(laps(BELIEVED._replace(turn_slip=0.1)), BELIEVED, [fit.OFFSET, fit.SLIP], TRAXBOT.noise)
+
+
+def test_wheels_that_spin_while_the_robot_stands_give_no_slip():
+    runs = [Trial(paths.counts(paths.turn(angle), BELIEVED), Pose(0.0, 0.0, 0.0)) for angle in (2.0, -2.0)]
+    with pytest.raises(ConfigError, match="2 runs do not determine turn_slip"):
+        fit.fit(runs, BELIEVED, [fit.SLIP], TRAXBOT.noise)
+
+
 def moved(drive, *moves):
     """Counts of mecanum wheels for these steps of the body."""
     steps = [kinematics_of(drive).wheel_steps(Planar(*move)) for move in moves for _ in range(100)]

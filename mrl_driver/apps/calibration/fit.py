@@ -10,7 +10,7 @@ from mrl_driver.robot.models import Drive, MecanumDrive, Noise
 from .trial import Trial, errors, length_m, path, spread, unit_spreads
 
 Geometry = Union[Drive, MecanumDrive]
-STEPS, ENOUGH = 20, 1e-10
+STEPS, ENOUGH = 100, 1e-10  # badly measured squares need up to 30 steps
 LEAST_RUNS_FOR_NOISE = 6
 OUTLIER = 6.0  # a run whose error is more than this many times the median of the others was measured wrongly
 
@@ -61,17 +61,22 @@ def fit(
     """
     drive, runs = start, list(runs)
     roots = [_root(run, spread(start, run.steps, noise) + np.diag(measured.variances)) for run in runs]
+    undetermined = ConfigError(
+        f"{len(runs)} runs do not determine {', '.join(free)}, expected ends with x, y and heading"
+    )
     for _ in range(STEPS):
         found = _weighted(roots, errors(drive, runs))
         slopes = np.stack([_slope(drive, name, runs, roots) for name in free], axis=1)
         step, _, rank, _ = np.linalg.lstsq(slopes, found, rcond=1e-9)
         if rank < len(free) or not np.all(np.isfinite(step)):
-            raise ConfigError(
-                f"{len(runs)} runs do not determine {', '.join(free)}, expected ends with x, y and heading"
-            )
+            raise undetermined
         drive = _moved(drive, free, np.clip(step, -0.2, 0.2))
+        if drive.turn_slip >= 1:
+            raise undetermined
         if np.abs(step).max() < ENOUGH:
             break
+    else:
+        raise undetermined
     left = errors(drive, runs)
     rest = _weighted(roots, left)
     doubt = np.linalg.inv(slopes.T @ slopes) * (rest @ rest / max(1, len(rest) - len(free)))

@@ -18,6 +18,7 @@ from mrl_driver import figures
 from mrl_driver.cli.commands.shared import Between, print_message
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import ON_TRACKS, ON_WHEELS, MecanumDrive, RobotModel
 
 from . import fit, from_recording, manoeuvres
@@ -26,7 +27,17 @@ from .commands.calibrate_job import RUNS, TURNS, Job, Result, job_options, value
 from .fit import AXLE, CROSS, OFFSET, RADIUS, REAR, SCALE, SIDE, SLIP, Geometry, Measured
 from .ground_truth import NOT_MEASURED, Ruler, parse_pose, ruler_for, tell
 from .manoeuvres import Speeds, Track, steps_of
-from .trial import LEFT, NEITHER, RIGHT, Trial, errors, require_plausible, require_sense, sense
+from .trial import (
+    LEFT,
+    NEITHER,
+    RIGHT,
+    Trial,
+    errors,
+    require_heading,
+    require_plausible,
+    require_sense,
+    sense,
+)
 
 STRAIGHT, TURN, SIDEWAYS, UMBMARK = "straight", "turn", "sideways", "umbmark"
 LEAST_LAPS = 2  # laps in each direction; fewer show no spread.  The paper drives 5.
@@ -39,6 +50,7 @@ class Leg(NamedTuple):
     name: str
     sense: str
     drive: Callable[[Driver], None]
+    needs_heading: bool = False
 
 
 class Outcome(NamedTuple):
@@ -71,7 +83,9 @@ def turn_legs(runs: int, turns: int, speeds: Speeds) -> List[Leg]:
         sign, sense = (1, LEFT) if number % 2 == 0 else (-1, RIGHT)
         whole = 1 if number < 2 else turns
         name = f"run {number + 1} of {runs}, {whole} turn{'s' * (whole > 1)} {sense}"
-        return Leg(name, sense, lambda robot: manoeuvres.turn(robot, sign * whole * _WHOLE_TURN, speeds))
+        return Leg(
+            name, sense, lambda robot: manoeuvres.turn(robot, sign * whole * _WHOLE_TURN, speeds), True
+        )
 
     return [leg(number) for number in range(runs)]
 
@@ -109,8 +123,14 @@ def gather(
         leg.drive(robot)
         steps, name = manoeuvres.steps_of(track.rows()), leg.name
         require_sense(drive, Trial(steps, NOT_MEASURED), leg.sense, name)
-        end = ruler.end(name, lambda pose: require_plausible(drive, Trial(steps, pose), name))  # noqa: B023
-        keep(Trial(steps, end))
+        keep(Trial(steps, ruler.end(name, partial(_check_end, drive, steps, leg))))
+
+
+def _check_end(drive: Geometry, steps: np.ndarray, leg: Leg, end: Pose) -> None:
+    run = Trial(steps, end)
+    require_plausible(drive, run, leg.name)
+    if leg.needs_heading:
+        require_heading(run, leg.name)
 
 
 def geometry(model: RobotModel, procedure: str = "") -> Geometry:
@@ -151,6 +171,8 @@ def evaluate(
     elif len(runs) < 2:
         raise ConfigError(f"there is {len(runs)} run, expected at least 2")
     elif procedure == TURN:
+        for number, run in enumerate(runs, 1):
+            require_heading(run, f"run {number} of {len(runs)}")
         start = fit.fit(runs[:2], before, free, model.noise, measured).drive
     fitted = fit.fit(runs, start, free, model.noise, measured)
     _require_no_outlier(runs, fitted)
@@ -295,7 +317,7 @@ def _by_runs(command: Callable[..., Tuple[Mapping[str, float], List[Leg]]]) -> C
         "runs",
         multiple=True,
         metavar="FILE:X,Y[,DEG]",
-        help="Instead of driving: a recording of one run, and where the run ended.  Repeat it for each run.",
+        help="Instead of driving: a recording of one run, and its end; turns need DEG.  Repeat it for each run.",
     )
     @click.option(
         "--again",

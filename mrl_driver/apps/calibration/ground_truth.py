@@ -125,7 +125,7 @@ class ByHand(NamedTuple):
 
 TAPE_MEASURE = ByHand(
     "Mark the robot's position and heading",
-    "Measure from the mark: x ahead and y to the left [m], and the heading [deg] if you can",
+    "Measure from the mark: x ahead and y to the left [m], and the heading [deg] if you can; a turn in place needs it",
     parse_pose,
     ": earlier runs are kept",
 )

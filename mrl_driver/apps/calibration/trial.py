@@ -120,6 +120,14 @@ def require_plausible(drive: Base, run: Trial, name: str) -> None:
         )
 
 
+def require_heading(run: Trial, name: str) -> None:
+    """Raise ConfigError for a run without a heading: of a turn in place, x and y say next to nothing."""
+    if math.isnan(run.end.yaw_rad):
+        raise ConfigError(
+            f"{name} has no heading, expected x y [m] and the heading [deg]: it alone says how far the robot turned"
+        )
+
+
 def as_json(run: Trial) -> Dict[str, Any]:
     """A run for the state file."""
     end = [None if math.isnan(value) else value for value in run.end]
