@@ -1,5 +1,6 @@
 """The diagnostic tasks of the node.  Imports no ROS: the node supplies the updater."""
 
+from functools import partial
 from typing import Any, Callable, Dict
 
 from mrl_driver.driver import Driver
@@ -10,8 +11,10 @@ from ros1_bridge.control.commander import Commander
 from ros1_bridge.node.robot_parameters import Parameters
 
 from . import link_report
-from .link_report import Report
+from .link_report import WARN, Report
 from .robot_status import battery_report, board_report, imu_report, inputs_report, motion_report, radio_report
+
+_KNOWS_SILENCE = ("Link", "Motion")
 
 
 def add_tasks(updater: Any, driver: Driver, commander: Commander, parameters: Parameters) -> None:
@@ -30,7 +33,15 @@ def add_tasks(updater: Any, driver: Driver, commander: Commander, parameters: Pa
     if driver.inputs is not None:
         tasks["Inputs"] = lambda: inputs_report(driver.inputs)
     for name, report in tasks.items():
-        updater.add(name, _task(report))
+        updater.add(name, _task(report if name in _KNOWS_SILENCE else partial(_last_known, driver, report)))
+
+
+def _last_known(driver: Driver, report: Callable[[], Report]) -> Report:
+    """The report; while no data arrives, its values are old, and it is at least a warning."""
+    level, message, values = report()
+    if driver.ready:
+        return Report(level, message, values)
+    return Report(max(level, WARN), f"{message}; last known: the robot sends no data", values)
 
 
 def _link(driver: Driver, parameters: Parameters) -> Report:

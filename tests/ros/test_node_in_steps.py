@@ -751,6 +751,21 @@ def test_the_node_looks_at_its_robot_its_master_and_its_recording_now_and_then(n
     assert node.status()["protective zone clear"] == "not watched"
 
 
+def test_while_the_board_is_silent_its_last_values_are_a_warning(node):
+    def script():
+        yield from turns(30)
+        spoken = node.sent("/diagnostics")[-1].status
+        yield from turns(15)
+        for before, now in zip(spoken, node.sent("/diagnostics")[-1].status):
+            old = now.name.split()[-1] in ("Battery", "Board", "IMU")
+            assert (before.level, now.level) == (0, 1 if old else 2)
+            assert now.message.endswith("; last known: the robot sends no data") == old
+            assert [each.key for each in now.values] == [each.key for each in before.values]
+
+    silence = "loss:rate=1,at=6.5,direction=to_host"
+    assert node.run(script, heard=("/diagnostics",), imu=True, faults=(silence,)) == 0
+
+
 def test_nobody_who_listens_costs_no_report(node):
     node.run(lambda: turns(10))
     assert all(len(each.status) == 1 for each in node.sent("/diagnostics"))
