@@ -289,10 +289,28 @@ def test_a_recording_of_a_calibration_says_what_the_calibration_said(recorded_la
     assert [replayed[key] for key in keys] == pytest.approx([live[key] for key in keys], rel=0.02)
 
 
+UNWITNESSED = "the counters fit the commands; nobody saw which wheel turned, or in which direction\n"
+
+
 def test_the_wires_are_judged_from_a_recording_too(recorded_lab):
     assert recorded_lab.mrl("wiring", "--unseen", "--yes")[0] == 0
     code, out, _ = recorded_lab.mrl("wiring", *FROM_RECORDING)
-    assert (code, out) == (0, "the wiring of motors and encoders is right\n")
+    assert (code, out) == (0, UNWITNESSED)
+
+
+def test_only_who_saw_the_wheels_calls_the_wiring_right(lab):
+    assert lab.mrl("wiring", "--unseen", "--yes")[1] == UNWITNESSED
+    assert lab.mrl("wiring", "--yes", "--answers", "left,forward,unseen")[1] == UNWITNESSED
+    right = "the wiring of motors and encoders is right\n"
+    assert lab.mrl("wiring", "--yes", "--answers", "left,forward,right,forward")[1] == right
+
+
+def test_half_a_recording_of_the_wires_is_refused(recorded_lab, tmp_path):
+    recorded_lab.mrl("wiring", "--unseen", "--yes")
+    file = tmp_path / "lab.mrl"
+    file.write_text(file.read_text().partition("@10,0,35e")[0].rpartition("\n")[0] + "\n")
+    line = recorded_lab.refused("wiring", *FROM_RECORDING)
+    assert "lab.mrl: only the left motor was turned alone, expected both in turn" in line
 
 
 def test_a_recorded_run_in_which_the_board_restarted_is_refused(recorded_lab):

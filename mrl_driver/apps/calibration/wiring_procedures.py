@@ -104,13 +104,13 @@ class Scene(NamedTuple):
         return counts_per_turn(self.robot.model) if self.robot.model.has_odometry else 0.0
 
 
-def check(scene: Scene) -> List[str]:
-    """Turn each motor of a motor board forward alone, without speed control; return the faults of the wires."""
+def check(scene: Scene) -> List[Trial]:
+    """Turn each motor of a motor board forward alone, without speed control; return what was seen."""
     trials = []
     for motor, percents in ((LEFT, (DUTY_PERCENT, 0)), (RIGHT, (0, DUTY_PERCENT))):
         counts, moved = _move(scene, f"{motor} motor alone", percents, WIRING_S)
         trials.append(Trial(motor, counts, *scene.witness.turned(motor, None, moved)))
-    return wiring_check.diagnose(trials)
+    return trials
 
 
 @contextlib.contextmanager
@@ -179,16 +179,19 @@ def _move(
     return counts, ruler.end(name, lambda _: None)
 
 
-def recorded(path: str, model: RobotModel) -> List[str]:
-    """Faults of the wires, from a recording of `check`; it does not show which wheel turned."""
+def recorded(path: str, model: RobotModel) -> List[Trial]:
+    """What a recording of `check` shows, but for which wheel turned; ConfigError unless each motor turned alone."""
     steps = from_recording.motor_steps(path, model)
     alone = {LEFT if left else RIGHT: rows[-1] - rows[0] for rows, (left, right) in steps if not left * right}
     trials = [
         Trial(motor, {LEFT: int(left), RIGHT: int(right)}) for motor, (_, right, left, *_) in alone.items()
     ]
-    if not trials:
-        raise ConfigError(f"{path}: no motor was turned alone, expected a recording of mrl calibrate wiring")
-    return wiring_check.diagnose(trials)
+    if len(trials) < 2:
+        which = f"only the {trials[0].motor}" if trials else "no"
+        raise ConfigError(
+            f"{path}: {which} motor was turned alone, expected both in turn; record mrl calibrate wiring"
+        )
+    return trials
 
 
 # -- the command
@@ -254,10 +257,13 @@ def _scene(driver: Driver, job: Job, user: Witness, unseen: bool = False) -> Sce
     return Scene(driver, Track(driver), ruler, user if unseen or job.truth is None else SeenByTruth())
 
 
-def _report(found: List[str], job: Job) -> None:
+def _report(trials: List[Trial], job: Job) -> None:
     """Print the faults of a motor board's wires; raise WheelFault if there is one."""
+    found, right = wiring_check.diagnose(trials), "the wiring of motors and encoders is right"
+    if any(trial.seen is None for trial in trials):
+        right = "the counters fit the commands; nobody saw which wheel turned, or in which direction"
     if job.run.as_json or not found:
-        job.run.print({"findings": found}, "the wiring of motors and encoders is right")
+        job.run.print({"findings": found}, right)
     if found:
         raise WheelFault("; ".join(found))
 
