@@ -341,6 +341,21 @@ def test_a_motor_that_does_not_turn_is_named(lab, tmp_path):
     assert not (tmp_path / "kit.yaml").exists()
 
 
+def test_gains_with_which_a_wheel_did_not_turn_are_refused(lab, monkeypatch, tmp_path):
+    step, calls = gain_procedures.step, []
+
+    def blocked_in_the_last(*args):
+        calls.append(args)
+        lab.made.plant.bridge.motor(0).blocked = len(calls) == STEPS
+        return step(*args)
+
+    monkeypatch.setattr(gain_procedures, "step", blocked_in_the_last)
+    code, _, lines = lab.mrl()
+    words = "the left wheel made 0 counts with the suggested gains, expected at least 50"
+    assert code == 2 and words in lines[-1]
+    assert not (tmp_path / "kit.yaml").exists() and lab.in_force == SOFT
+
+
 def test_a_recording_gives_the_gains_of_its_drive(lab, tmp_path):
     lab.record = tmp_path / "drive.mrl"
     _, out, _ = lab.mrl("--json")

@@ -287,6 +287,14 @@ def test_gains_follow_the_rule_of_lambda_tuning():
         gains.design([Motor(0.55, 4000.0, 0.1, 0.0, 0.0)], COUNTS_A_TURN)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_wheel_that_does_not_turn_neither_rises_nor_settles():
+    times_s = np.arange(0, 1, 0.02)
+    found = gains.describe(times_s, np.zeros_like(times_s), 0.0)
+    assert math.isnan(found.rise_s) and math.isnan(found.settle_s)
+    assert found.offset == 1.0
+
+
 def test_both_wheels_bear_the_gains():
     """Full speed is that of the slower wheel, friction the smaller one; no wheel gets more than its own gains."""
     right, left = Motor(0.10, 4000.0, 0.10, 0.0, 0.0), Motor(0.06, 5000.0, 0.15, 0.0, 0.0)

@@ -109,7 +109,8 @@ def tune(robot: Driver, model: RobotModel, board: Board) -> Tuned:
     """Drive steps of the duty, compute gains, and drive steps of the speed with the old and the new gains.
 
     At the end the old gains and the ramp are in force again, even after an error.  ConfigError if the steps give no
-    motor, or no gains are good enough; BoardTimeout if telemetry ended, or the wheels keep turning.
+    motor, no gains are good enough, or a wheel does not turn with the suggested ones; BoardTimeout if telemetry
+    ended, or the wheels keep turning.
     """
     names, track, made = board.gains._fields, Track(robot), []  # type: ignore[attr-defined]
     stored = robot.parameters.read(*names) if robot.parameters.can_save else model.board
@@ -133,8 +134,20 @@ def tune(robot: Driver, model: RobotModel, board: Board) -> Tuned:
         finally:
             robot.stop()
             _put(robot, present)
+    _require_turned(measured[1], least_counts(counts_per_turn(model)))
     target = None if full_rpm is None else TARGET_SHARE * full_rpm / 60 * counts_per_turn(model)
     return Tuned(motors, present, wanted, measured[0], measured[1], target)
+
+
+def _require_turned(proof: Steps, least: float) -> None:
+    """Raise ConfigError if a wheel hardly turned in the step with the suggested gains."""
+    for wheel in WHEELS:
+        counts = int(proof[wheel].travel[-1])
+        if counts < least:
+            raise ConfigError(
+                f"the {wheel} wheel made {counts} counts with the suggested gains, expected at least {least:.0f}: "
+                "see that it turns freely, and measure again"
+            )
 
 
 def _put(robot: Driver, wanted: Any) -> None:

@@ -259,9 +259,9 @@ def design(motors: Sequence[Motor], counts_per_turn: float) -> BridgeGains:
 
 
 def describe(times_s: np.ndarray, travel: np.ndarray, target_counts_s: float) -> Response:
-    """Figures of a step of the speed at time 0, from counts [count]."""
+    """Figures of a step of the speed at time 0, from counts [count]; nothing settles at a target of 0."""
     middle, speed = speeds(times_s, travel)
-    share = speed / target_counts_s
+    share = speed / target_counts_s if target_counts_s else np.zeros_like(speed)
     low, high = _first(middle, share >= 0.1), _first(middle, share >= 0.9)
     outside = np.flatnonzero(np.abs(share - 1) > 0.05)
     first = outside[-1] + 1 if len(outside) else 0
