@@ -360,7 +360,7 @@ def test_umbmark_from_recordings(lab, tmp_path):
         word
         for left in (True, False)
         for i in (1, 2)
-        for word in run(tmp_path / f"{left}{i}.mrl", paths.square(left=left), true)
+        for word in run(tmp_path / f"{left}{i}.mrl", paths.square(1 + i / 50, left), true)
     ]
     words = ("umbmark", "--robot", "traxbot", "--output", "mine.yaml", "--yes")
     for way, jump, end, said in (
@@ -374,6 +374,15 @@ def test_umbmark_from_recordings(lab, tmp_path):
     code, _, lines = lab.mrl(*words, *runs)
     assert code == 0, lines
     assert models.load("mine.yaml").drive == pytest.approx(true, abs=2e-4)
+
+
+def test_a_recording_counts_once(lab, tmp_path):
+    once = ("--run", f"{record(tmp_path / 'a.mrl', paths.straight(0.8))}:0.81,0.004")
+    words = ("straight", "--robot", "traxbot", "--output", "mine.yaml", "--yes")
+    assert "--run 1 and 2 have the same counts" in lab.refused(*words, *once, *once)
+    other = ("--run", f"{record(tmp_path / 'b.mrl', paths.straight(0.82))}:0.83,0.004")
+    assert "--run 1 and 3 have the same counts" in lab.refused(*words, *once, *other, *once)
+    assert lab.mrl(*words, *once, *other)[0] == 0
 
 
 def test_recorded_turns_without_a_heading_are_refused(lab, tmp_path):

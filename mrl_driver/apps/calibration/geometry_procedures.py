@@ -6,6 +6,7 @@ exact for small errors alone.
 """
 
 import functools
+import itertools
 import math
 import os
 from functools import partial
@@ -254,6 +255,7 @@ def _geometry(plan: CalibrationPlan, job: Job) -> None:
     if plan.recorded:
         model, output = job.recorded_robot()
         recorded = [_recorded(plan.procedure, text, model) for text in plan.recorded]
+        _require_different(recorded)
         if plan.procedure != STRAIGHT:
             warn_of_distances(model)
         job.finish(plan.evaluate(recorded, model, output))
@@ -306,6 +308,15 @@ def _recorded(procedure: str, text: str, model: RobotModel) -> Trial:
     require_sense(drive, run, found, path)
     require_plausible(drive, run, path)
     return run
+
+
+def _require_different(runs: Sequence[Trial]) -> None:
+    """Raise ConfigError for the same recording given twice: it would count as two measurements."""
+    for (first, one), (second, other) in itertools.combinations(enumerate(runs, 1), 2):
+        if np.array_equal(one.steps, other.steps):
+            raise ConfigError(
+                f"--run {first} and {second} have the same counts, expected a recording of each run; give each once"
+            )
 
 
 def _by_runs(command: Callable[..., Tuple[Mapping[str, float], List[Leg]]]) -> Callable[..., None]:
