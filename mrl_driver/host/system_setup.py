@@ -47,16 +47,16 @@ UART_RULE = """
 SUBSYSTEM=="tty", KERNEL=="ttyAMA0", SYMLINK+="mrl-uart"
 """
 UNIT_TEXT = """{mark}
-# Runs the ROS node of the robot on /dev/mrl-NAME while it is plugged in:
+# Runs the ROS node of the robot on /dev/mrl-NAME from the time on when it is plugged in; the node finds it again:
 # systemctl enable --now mrl-robot@$(systemd-escape NAME)
 # /etc/default/mrl-robot may set ROS_SETUP=/opt/ros/noetic/setup.sh (or a workspace's), MRL_LAUNCH="robot.launch
-# robot:=traxbot" (launch file, arguments), and for other machines ROS_IP=(address of this one) and ROS_MASTER_URI=...
+# robot:=traxbot" (launch file, arguments), and for other machines ROS_HOSTNAME=(name of this one, here also without a
+# network) and ROS_MASTER_URI=...
 # /etc/default/mrl-robot@NAME sets the same for one robot: a second one needs a ROS_MASTER_URI (or ROS_NAMESPACE) and a
 # page of its own, because two nodes of one name on one master end each other.
 # The journal keeps what the nodes print, and rotates.  ROS' own logs are in memory until the unit stops.
 [Unit]
 Description=Robot on /dev/mrl-%I
-BindsTo=dev-mrl\\x2d%i.device
 After=dev-mrl\\x2d%i.device network.target
 
 [Service]
@@ -68,7 +68,9 @@ EnvironmentFile=-/etc/default/mrl-robot@%I
 RuntimeDirectory=mrl-robot/%i
 # ROS_SETUP replaces ROS_PACKAGE_PATH, so a checkout is added after it.
 ExecStart=/bin/sh -c '[ -z "$ROS_SETUP" ] || . "$ROS_SETUP"; export ROS_LOG_DIR="$RUNTIME_DIRECTORY"; \
-  exec 9>"/run/lock/mrl-robot$(systemd-escape "$ROS_MASTER_URI $ROS_NAMESPACE")"; flock -n 9 || {{ \
+  mkdir -p "$HOME/.ros" || export ROS_HOME="$RUNTIME_DIRECTORY"; \
+  lock="/run/lock/mrl-robot$(systemd-escape "$ROS_MASTER_URI $ROS_NAMESPACE")"; \
+  [ -e "$lock" ] || : >"$lock"; exec 9<"$lock"; flock -n 9 || {{ \
   echo "another robot has this master: set ROS_MASTER_URI or ROS_NAMESPACE in /etc/default/mrl-robot@%I"; exit 78; }}; \
   [ -z "$MRL_CHECKOUT" ] || export ROS_PACKAGE_PATH="$MRL_CHECKOUT:$ROS_PACKAGE_PATH"; \
   exec roslaunch mrl_robots $MRL_LAUNCH port:=/dev/mrl-%I'
@@ -108,7 +110,8 @@ def unit(user: str, page: str = "") -> str:
     if re.search(r"[^\w.:\[\]-]", page):
         raise ConfigError(f"page is {page!r}, expected HOST or HOST:PORT, such as 127.0.0.1 or 0.0.0.0:8642")
     launch = f"web.launch listen:={page}" if page else "robot.launch"
-    return UNIT_TEXT.format(mark=MARK, user=user, group=GROUP, checkout=_checkout(), launch=launch)
+    checkout = re.sub(r'(["\\])', r"\\\1", _checkout()).replace("%", "%%")
+    return UNIT_TEXT.format(mark=MARK, user=user, group=GROUP, checkout=checkout, launch=launch)
 
 
 def _checkout() -> str:
@@ -125,6 +128,7 @@ def files(user: str, page: str = "") -> Dict[str, str]:
 def commands(user: str, installing: bool) -> List[List[str]]:
     """Return the commands that make the change take effect at once, without those that are not installed."""
     wanted = [["usermod", "-aG", GROUP, user]] if installing and user != "root" else []
+    wanted += [] if installing else [["systemctl", "stop", "mrl-robot@*"]]
     wanted += [
         ["udevadm", "control", "--reload"],
         ["udevadm", "trigger", "--subsystem-match=usb", "--subsystem-match=tty", "--action=add"],

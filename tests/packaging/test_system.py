@@ -8,6 +8,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tempfile
 from unittest.mock import Mock
 
 import pytest
@@ -150,10 +151,11 @@ def start_line(unit, locks):
     return shlex.split(unit["Service"]["ExecStart"].replace("/run/lock", str(locks)).replace("%I", "NAME"))
 
 
-def test_unit_runs_the_node_as_the_user_while_the_robot_is_there(tmp_path):
+def test_unit_runs_the_node_as_the_user_once_the_robot_is_there(tmp_path):
+    """It stays when the board goes: systemd would not start it for one that is back at once (systemd, issue 11526)."""
     unit = unit_in(tmp_path)
     assert (unit["Service"]["User"], unit["Service"]["Restart"]) == ("ada", "always")
-    assert unit["Unit"]["BindsTo"] == unit["Install"]["WantedBy"] == r"dev-mrl\x2d%i.device"
+    assert unit["Install"]["WantedBy"] == r"dev-mrl\x2d%i.device" and "BindsTo" not in unit["Unit"]
     assert "ROS_IP=127.0.0.1" in shlex.split(unit["Service"]["Environment"])
     assert unit["Service"]["ExecStart"].endswith("exec roslaunch mrl_robots $MRL_LAUNCH port:=/dev/mrl-%I'")
 
@@ -177,6 +179,41 @@ def test_a_second_robot_on_one_master_is_refused_and_not_started_again(tmp_path)
     assert second.stdout.startswith(
         "another robot has this master: set ROS_MASTER_URI or ROS_NAMESPACE in /etc/"
     )
+
+
+def started(folder, as_user=(), **env):
+    """What the unit's command passes to roslaunch: its ROS_HOME."""
+    fake = folder / "roslaunch"
+    fake.write_text('#!/bin/sh\necho "$ROS_HOME"\n')
+    fake.chmod(0o755)
+    given = {"PATH": f"{folder}:{os.environ['PATH']}", "RUNTIME_DIRECTORY": "/run/robot", "HOME": str(folder)}
+    command = [*as_user, *start_line(unit_in(folder), folder)]
+    done = subprocess.run(command, env={**given, **env}, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+@pytest.mark.parametrize(("home", "expected"), [("", ""), ("/dev/null/ada", "/run/robot")])
+def test_a_home_that_cannot_be_written_does_not_keep_the_robot_from_its_start(tmp_path, home, expected):
+    assert started(tmp_path, HOME=home or str(tmp_path), ROS_HOME="") == expected
+
+
+def test_a_lock_that_another_user_has_left_is_taken():
+    nobody = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.geteuid() == 0 else []
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        folder.chmod(0o755)
+        started(folder)
+        next(folder.glob("mrl-robot*")).chmod(0o444)
+        started(folder, nobody)
+
+
+def test_any_path_of_a_clone_can_be_in_the_unit(tmp_path, monkeypatch):
+    monkeypatch.setattr(system_setup, "_checkout", lambda: '/home/ä b/50%hours/a"b\\t')
+    system_setup.install("root", str(tmp_path))
+    text = (tmp_path / system_setup.UNIT).read_text(encoding="utf-8")
+    assert '"MRL_CHECKOUT=/home/ä b/50%%hours/a\\"b\\\\t"' in text
+    verify = ["systemd-analyze", "verify", str(tmp_path / system_setup.UNIT)]
+    assert subprocess.run(verify, capture_output=True, check=False).stderr == b""
 
 
 @pytest.mark.parametrize("page", ["", "0.0.0.0:8642"])
@@ -215,6 +252,7 @@ def test_unit_finds_the_checkout_although_setup_files_of_ros_replace_the_package
     (tmp_path / "roslaunch").chmod(0o755)
     env = dict(word.split("=", 1) for word in shlex.split(service["Service"]["Environment"]))
     env.update(PATH=f"{tmp_path}:{os.environ['PATH']}", ROS_SETUP=str(tmp_path / "setup.sh") if setup else "")
+    env["HOME"] = str(tmp_path)
     found = subprocess.run(
         start_line(service, tmp_path), env=env, stdout=subprocess.PIPE, check=True
     ).stdout.decode()
