@@ -127,8 +127,11 @@ class Commander:
             # If one is not finite, the driver stops the robot.
             moves = any(speeds) and all(map(math.isfinite, speeds))
             self._watch_suspension()
-            if moves and not self.sources.may_move(source, now):
-                self.refuse(StopReason.COMMANDS_UNPAUSED)
+            refused = self.sources.may_move(source, now) if moves else StopReason.NONE
+            if refused is not StopReason.NONE:
+                if refused is StopReason.COMMAND_TOO_LATE and self.driving:  # by the first of them
+                    self.stop(refused)
+                self.refuse(refused)
                 return False
             self.seeking = False
         with self._lock:

@@ -3,13 +3,19 @@
 A program that did not notice a stop goes on sending, and must not move the robot when the stop is over, nor when this
 node has started again.  So after a stop that stays, and at the start, a source may move the robot only once it has been
 silent, or has sent zero, for a while.
+
+Commands that a network held back arrive at once when it is there again, and nobody may want them any more.
 """
 
 import math
 from typing import Dict, Iterable, NamedTuple, Tuple
 
 from mrl_driver.lock_order import new_lock
+from mrl_driver.protocol.stop_reason import StopReason
 from ros1_bridge.node.robot_parameters import PAUSE_S
+
+BURST_S, BURST_LASTS_S = 0.01, 0.1
+"""After a silence, commands closer together than this were held back, for at most this time [s]."""
 
 
 class Source(NamedTuple):
@@ -29,8 +35,10 @@ class VelocitySources:
         self._stops = 0
         self._early: Dict[str, float] = {}
         """Nodes that were there before this one, and since when they are connected; infinite before."""
-        self._moves: Dict[Source, Tuple[int, float]] = {}
-        """For each source, how many stops there were before it began to move the robot, and its last such command."""
+        self._moves: Dict[Source, Tuple[int, float, float]] = {}
+        """For each source, how many stops there were before it began to move the robot, and its first and its last such
+        command.
+        """
 
     def distrust(self) -> None:
         """From now on, a source that sends already must pause first."""
@@ -49,16 +57,20 @@ class VelocitySources:
                 self._early[node] = min(self._early[node], now_s)
             return math.inf not in self._early.values()
 
-    def may_move(self, source: Source, now_s: float) -> bool:
-        """Take note of a command to move; whether the robot may follow it."""
+    def may_move(self, source: Source, now_s: float) -> StopReason:
+        """Take note of a command to move; `NONE` if the robot may follow it, or why it may not."""
         with self._lock:
             silent_since_s = min(self._early.get(source.node, -math.inf), now_s)
-            stops, last_s = self._moves.get(source, (-1, silent_since_s))
-            if now_s - last_s >= self.pause_s:
-                stops = self._stops
+            stops, began_s, last_s = self._moves.get(source, (-1, -math.inf, silent_since_s))
+            pauses = now_s - last_s >= self.pause_s
+            if pauses:
+                stops, began_s = self._stops, now_s
                 # sources that have paused may begin like new ones
                 self._moves = {
-                    each: move for each, move in self._moves.items() if now_s - move[1] < self.pause_s
+                    each: move for each, move in self._moves.items() if now_s - move[-1] < self.pause_s
                 }
-            self._moves[source] = stops, now_s
-            return stops == self._stops
+            self._moves[source] = stops, began_s, now_s
+            if stops != self._stops:
+                return StopReason.COMMANDS_UNPAUSED
+            held_back = not pauses and now_s - last_s < BURST_S and now_s - began_s < BURST_LASTS_S
+            return StopReason.COMMAND_TOO_LATE if held_back else StopReason.NONE

@@ -60,7 +60,8 @@ class CommandTopics:
         self._echo = rospy.Publisher(f"{topic}/echo", Header, queue_size=10, tcp_nodelay=True)
         rospy.Subscriber(f"{topic}/ping", Header, self._on_ping, queue_size=10, tcp_nodelay=True)
         self._inputs = [
-            rospy.Subscriber(name, kind, callback, queue_size=1, tcp_nodelay=True)
+            # more than one of those that arrive at once, or it could not be seen that they do
+            rospy.Subscriber(name, kind, callback, queue_size=10, tcp_nodelay=True)
             for name, kind, callback in (
                 (topic, Twist, self._on_cmd_vel),
                 (f"{topic}/stamped", TwistStamped, self._on_stamped),

@@ -107,8 +107,11 @@ def test_dynamic_reconfigure_comes_later(node):
 def test_a_command_waits_for_no_other_and_for_no_full_packet(node):
     node.run(given={"zones": "scan"})
     assert {name: each.options for name, each in node.ros.inputs.items()} == {
-        **{name: {"queue_size": 1, "tcp_nodelay": True} for name in ("cmd_vel", "cmd_vel/stamped", "scan")},
-        "cmd_vel/ping": {"queue_size": 10, "tcp_nodelay": True},
+        **{
+            name: {"queue_size": 10, "tcp_nodelay": True}
+            for name in ("cmd_vel", "cmd_vel/stamped", "cmd_vel/ping")
+        },
+        "scan": {"queue_size": 1, "tcp_nodelay": True},
         **{name: {"queue_size": 1} for name in ("pose", "set_pose")},
     }
     assert node.ros.topics["cmd_vel/echo"].options == {"queue_size": 10, "tcp_nodelay": True}
@@ -249,12 +252,30 @@ def test_a_stop_that_the_next_command_ends_at_once_is_published(node):
     node.run(script, given={"cmd_vel_timeout": 0.3, "cmd_vel_pause": 0.0})
 
 
+def test_commands_that_a_network_held_back_stop_the_robot(node):
+    """They arrive at once when it is back; the sender may have stopped long ago."""
+
+    def script():
+        yield from node.commands(twist(0.2))
+        yield from turns(150)
+        for _ in range(10):
+            node.publish("cmd_vel", twist(0.2))
+            node.sleep(2e-4)
+        yield
+        assert node.driver.command is None and node.status()["stopped by"] == "command_too_late"
+        yield from node.commands(twist(0.2))
+        assert node.driver.command is not None
+
+    node.run(script)
+
+
 def test_a_refused_command_is_named_and_one_to_a_lost_robot_is_not(node, monkeypatch):
     def script():
         node.call("enable_motors", False)
         node.publish("cmd_vel", twist(0.1))
         assert node.levels("cmd_vel refused: the motors are disabled") == ["warn every 1 s"]
         assert node.status()["stopped by"] == "motors_disabled"
+        yield
         count = len(node.ros.said)
         monkeypatch.setattr(node.driver, "drive", fail(LinkLost("gone")))
         node.publish("cmd_vel", twist(0.1))

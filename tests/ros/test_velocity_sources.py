@@ -5,8 +5,10 @@ import tracemalloc
 
 import pytest
 
+from mrl_driver.protocol.stop_reason import StopReason
 from ros1_bridge.control.velocity_sources import Source, VelocitySources
 
+NONE, TOO_LATE = StopReason.NONE, StopReason.COMMAND_TOO_LATE
 PAUSE_S, STEP_S = 0.5, 0.05
 PLANNER, HAND = Source("/move_base"), Source("/joystick")
 
@@ -20,7 +22,7 @@ class Bench:
         answers = set()
         for _ in range(round(seconds / STEP_S)):
             self.now_s += STEP_S
-            answers |= {(source, self.sources.may_move(source, self.now_s)) for source in sources}
+            answers |= {(source, self.sources.may_move(source, self.now_s) is NONE) for source in sources}
         return answers
 
 
@@ -84,3 +86,34 @@ def test_sources_that_come_and_go_take_no_memory(bench):
     grown_bytes, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert grown_bytes < 20000
+
+
+def times_of(bench, gaps_s, source=PLANNER):
+    """The answers to commands with these times between them."""
+    answers = []
+    for gap_s in gaps_s:
+        bench.now_s += gap_s
+        answers.append(bench.sources.may_move(source, bench.now_s))
+    return answers
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_commands_that_come_all_at_once_after_a_silence_were_held_back(bench, known):
+    """The first one cannot be told from a new command; the others stop the robot."""
+    if known:
+        bench.sends(1.0, PLANNER)
+    assert times_of(bench, [3.0, *[2e-4] * 30]) == [NONE, *[TOO_LATE] * 30]
+
+
+def test_commands_after_those_that_were_held_back_move_the_robot(bench):
+    assert times_of(bench, [3.0, 2e-4, 2e-4, STEP_S, STEP_S]) == [NONE, TOO_LATE, TOO_LATE, NONE, NONE]
+
+
+def test_a_network_that_stutters_while_the_robot_drives_stops_nothing(bench):
+    bench.sends(1.0, PLANNER)
+    assert times_of(bench, [0.2, 2e-4, 2e-4]) == [NONE] * 3
+
+
+def test_a_source_that_sends_very_often_moves_the_robot_after_a_tenth_of_a_second(bench):
+    answers = times_of(bench, [3.0, *[2e-3] * 100])
+    assert answers[1:49] == [TOO_LATE] * 48 and answers[52:] == [NONE] * 49
