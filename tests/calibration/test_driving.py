@@ -50,15 +50,25 @@ def test_a_silence_or_a_restart_ends_a_course_and_the_robot_stands(driven, fault
     assert all(motor.at_rest for motor in plant.robot.motors)
 
 
-def test_a_course_does_not_go_on_when_a_suspended_computer_is_woken(driven, monkeypatch):
+@pytest.fixture
+def suspended_after(monkeypatch):
+    """The computer is suspended for an hour after each call of a robot's `wait` or `pause`."""
+
+    def make(robot, name):
+        since_boot_s, call = time.clock_gettime, getattr(robot, name)
+
+        def suspend(seconds):
+            call(seconds)
+            monkeypatch.setattr(time, "clock_gettime", lambda clock: since_boot_s(clock) + 3600.0)
+
+        monkeypatch.setattr(robot, name, suspend)
+
+    return make
+
+
+def test_a_course_does_not_go_on_when_a_suspended_computer_is_woken(driven, suspended_after):
     _, robot = driven(SILENCE, world="square")
-    since_boot_s, wait = time.clock_gettime, robot.wait
-
-    def suspend(seconds):
-        wait(seconds)
-        monkeypatch.setattr(time, "clock_gettime", lambda clock: since_boot_s(clock) + 3600.0)
-
-    monkeypatch.setattr(robot, "wait", suspend)
+    suspended_after(robot, "wait")
     with pytest.raises(BoardTimeout):
         manoeuvres.straight(robot, 0.5, manoeuvres.Speeds())
     assert robot.command is None and robot.now_s < SILENT_S
@@ -130,15 +140,9 @@ def test_a_step_is_not_made_again_after_a_long_silence_or_a_restart(paused, faul
     assert len(waits) == 3
 
 
-def test_a_step_is_not_made_again_after_a_suspension(paused, monkeypatch):
+def test_a_step_is_not_made_again_after_a_suspension(paused, suspended_after):
     robot, waits = paused(1)
-    since_boot_s, pause = time.clock_gettime, robot.pause
-
-    def suspend(seconds):
-        pause(seconds)
-        monkeypatch.setattr(time, "clock_gettime", lambda clock: since_boot_s(clock) + 3600.0)
-
-    monkeypatch.setattr(robot, "pause", suspend)
+    suspended_after(robot, "pause")
     with pytest.raises(HostBusy):
         manoeuvres.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE_PID, (-40, 40), 1.0)
     assert len(waits) == 3
