@@ -120,7 +120,7 @@ class Commander:
         """Take a command; False if the robot may not move now (see `refusal`).  Only some bases move sideways.
 
         `source`: where it comes from; None if this node sends it.  A command of others ends the drive to a pose, unless
-        its source must pause.
+        its source must pause; `done` must follow it.
         """
         speeds, now = (linear_m_s, angular_rad_s, *lateral_m_s), self._clock()
         if source is not None:
@@ -141,6 +141,10 @@ class Commander:
         with self._lock:
             self._commanded = taken and self._stops == stops
             return self._commanded
+
+    def done(self, source: Source) -> None:
+        """The command of this source was carried out, or refused."""
+        self.sources.done(source, self._clock())
 
     def refuse(self, cause: StopReason) -> None:
         """Note why a command is not followed."""
@@ -322,6 +326,8 @@ class Commander:
         if inputs is not None and (inputs.active or inputs.latched) and cause in INPUTS:
             return f"{inputs}"
         unlinked = (StopReason.NO_TELEMETRY, StopReason.MAY_BE_MOVING)
+        if self._cause is StopReason.COMMAND_TOO_LATE and cause not in (*REFUSALS, *unlinked):
+            return "it came at once with others after a silence, as if a network had held them back; send it again"
         if self._cause is StopReason.COMMANDS_UNPAUSED and cause not in (*REFUSALS, *unlinked):
             return (
                 "its source has sent commands to move since before the last stop or this node's start; it may drive "

@@ -4,7 +4,8 @@ A program that did not notice a stop goes on sending, and must not move the robo
 node has started again.  So after a stop that stays, and at the start, a source may move the robot only once it has been
 silent, or has sent zero, for a while.
 
-Commands that a network held back arrive at once when it is there again, and nobody may want them any more.
+Commands that a network held back arrive at once when it is there again, and nobody may want them any more.  Those of
+operators have an age of their own.
 """
 
 import math
@@ -14,8 +15,10 @@ from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.stop_reason import StopReason
 from ros1_bridge.node.robot_parameters import PAUSE_S
 
-BURST_S, BURST_LASTS_S = 0.01, 0.1
-"""After a silence, commands closer together than this were held back, for at most this time [s]."""
+SILENCE_S, BEGINNING_S, BURST_S, APART = 0.2, 0.5, 0.001, 3
+"""In the time `BEGINNING_S` after a silence, a command that comes within `BURST_S` of the end of the one before it was
+held back [s], as are those after it, until so many have come apart.
+"""
 
 
 class Source(NamedTuple):
@@ -35,10 +38,9 @@ class VelocitySources:
         self._stops = 0
         self._early: Dict[str, float] = {}
         """Nodes that were there before this one, and since when they are connected; infinite before."""
-        self._moves: Dict[Source, Tuple[int, float, float]] = {}
-        """For each source, how many stops there were before it began to move the robot, and its first and its last such
-        command.
-        """
+        self._moves: Dict[Source, Tuple[int, float]] = {}
+        """For each source, how many stops there were before it began to move the robot, and its last such command."""
+        self._rhythms: Dict[str, _Rhythm] = {}  # of nodes whose commands have no age
 
     def distrust(self) -> None:
         """From now on, a source that sends already must pause first."""
@@ -58,19 +60,53 @@ class VelocitySources:
             return math.inf not in self._early.values()
 
     def may_move(self, source: Source, now_s: float) -> StopReason:
-        """Take note of a command to move; `NONE` if the robot may follow it, or why it may not."""
+        """Take note of a command to move; `NONE` if the robot may follow it, or why it may not.
+
+        `done` must follow.
+        """
         with self._lock:
             silent_since_s = min(self._early.get(source.node, -math.inf), now_s)
-            stops, began_s, last_s = self._moves.get(source, (-1, -math.inf, silent_since_s))
-            pauses = now_s - last_s >= self.pause_s
-            if pauses:
-                stops, began_s = self._stops, now_s
+            stops, last_s = self._moves.get(source, (-1, silent_since_s))
+            if now_s - last_s >= self.pause_s:
+                stops = self._stops
                 # sources that have paused may begin like new ones
                 self._moves = {
-                    each: move for each, move in self._moves.items() if now_s - move[-1] < self.pause_s
+                    each: move for each, move in self._moves.items() if now_s - move[1] < self.pause_s
                 }
-            self._moves[source] = stops, began_s, now_s
+            self._moves[source] = stops, now_s
+            held_back = not source.operator and self._held_back(source.node, now_s)
             if stops != self._stops:
                 return StopReason.COMMANDS_UNPAUSED
-            held_back = not pauses and now_s - last_s < BURST_S and now_s - began_s < BURST_LASTS_S
             return StopReason.COMMAND_TOO_LATE if held_back else StopReason.NONE
+
+    def _held_back(self, node: str, now_s: float) -> bool:
+        if node not in self._rhythms:
+            heard = {each: one for each, one in self._rhythms.items() if now_s - one.ended_s < SILENCE_S}
+            self._rhythms = {**heard, node: _Rhythm()}
+        return self._rhythms[node].held_back(now_s)
+
+    def done(self, source: Source, now_s: float) -> None:
+        """Take note that a command was carried out, or refused: how long that took says nothing about the network."""
+        with self._lock:
+            if source.node in self._rhythms:
+                self._rhythms[source.node].ended_s = now_s
+
+
+class _Rhythm:
+    """When the commands of one node come."""
+
+    def __init__(self) -> None:
+        self.ended_s = -math.inf
+        self._began_s = -math.inf
+        self._apart = 0  # how many commands must come apart before one is followed
+
+    def held_back(self, now_s: float) -> bool:
+        """Take note of a command; whether it is one of several that a network held back."""
+        gap_s = now_s - self.ended_s
+        if gap_s >= SILENCE_S:
+            self._began_s, self._apart = now_s, 0
+        elif gap_s < BURST_S and (self._apart or now_s - self._began_s < BEGINNING_S):
+            self._apart = APART
+        elif self._apart:
+            self._apart -= 1
+        return self._apart > 0

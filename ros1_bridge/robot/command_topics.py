@@ -103,6 +103,8 @@ class CommandTopics:
         else:
             if not taken:
                 rospy.logwarn_throttle(WARN_EVERY_S, f"cmd_vel refused: {commander.refusal()}")
+        finally:
+            commander.done(source)
 
     def _ignore_axes(self, message: Twist) -> float:
         """Warn of fields that the drive cannot follow.

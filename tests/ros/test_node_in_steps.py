@@ -263,6 +263,7 @@ def test_commands_that_a_network_held_back_stop_the_robot(node):
             node.sleep(2e-4)
         yield
         assert node.driver.command is None and node.status()["stopped by"] == "command_too_late"
+        assert node.lines("as if a network had held them back")
         yield from node.commands(twist(0.2))
         assert node.driver.command is not None
 
@@ -351,6 +352,7 @@ def test_after_a_stop_a_source_that_did_not_notice_it_must_pause(node, first, ot
         yield
         first(node)
         assert node.driver.command is None and node.call("release_stop").success
+        yield
         first(node)
         assert (node.driver.command is None) == bool(pause_s)
         other(node)

@@ -88,32 +88,49 @@ def test_sources_that_come_and_go_take_no_memory(bench):
     assert grown_bytes < 20000
 
 
-def times_of(bench, gaps_s, source=PLANNER):
+def times_of(bench, gaps_s, source=PLANNER, took_s=0.0):
     """The answers to commands with these times between them."""
     answers = []
     for gap_s in gaps_s:
         bench.now_s += gap_s
         answers.append(bench.sources.may_move(source, bench.now_s))
+        bench.now_s += took_s
+        bench.sources.done(source, bench.now_s)
     return answers
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_commands_that_come_all_at_once_after_a_silence_were_held_back(bench, known):
+HELD_BACK = [2e-4] * 10
+
+
+@pytest.mark.parametrize("pause_s", [0.0, PAUSE_S, 5.0])
+@pytest.mark.parametrize("took_s", [0.0, 0.003])
+def test_commands_that_come_all_at_once_after_a_silence_were_held_back(pause_s, took_s):
     """The first one cannot be told from a new command; the others stop the robot."""
-    if known:
-        bench.sends(1.0, PLANNER)
-    assert times_of(bench, [3.0, *[2e-4] * 30]) == [NONE, *[TOO_LATE] * 30]
+    bench = Bench(pause_s)
+    assert times_of(bench, [6.0, *HELD_BACK], took_s=took_s) == [NONE, *[TOO_LATE] * 10]
 
 
-def test_commands_after_those_that_were_held_back_move_the_robot(bench):
-    assert times_of(bench, [3.0, 2e-4, 2e-4, STEP_S, STEP_S]) == [NONE, TOO_LATE, TOO_LATE, NONE, NONE]
+def test_what_was_held_back_may_come_in_many_parts(bench):
+    parts = [0.04, *HELD_BACK] * 40
+    assert times_of(bench, [3.0, 0.005, *HELD_BACK, *parts]) == [NONE, NONE, *[TOO_LATE] * (10 + 11 * 40)]
+
+
+@pytest.mark.parametrize("silence_s, refused", [(STEP_S, 2), (0.3, 0)])
+def test_commands_after_those_that_were_held_back_move_the_robot(bench, silence_s, refused):
+    times_of(bench, [3.0, *HELD_BACK])
+    assert times_of(bench, [silence_s, *[STEP_S] * 9]) == [TOO_LATE] * refused + [NONE] * (10 - refused)
 
 
 def test_a_network_that_stutters_while_the_robot_drives_stops_nothing(bench):
-    bench.sends(1.0, PLANNER)
-    assert times_of(bench, [0.2, 2e-4, 2e-4]) == [NONE] * 3
+    times_of(bench, [3.0, *[STEP_S] * 20])
+    assert times_of(bench, [0.15, *HELD_BACK]) == [NONE] * 11
 
 
-def test_a_source_that_sends_very_often_moves_the_robot_after_a_tenth_of_a_second(bench):
-    answers = times_of(bench, [3.0, *[2e-3] * 100])
-    assert answers[1:49] == [TOO_LATE] * 48 and answers[52:] == [NONE] * 49
+@pytest.mark.parametrize("gap_s", [0.002, 0.005, 0.008, 0.1])
+def test_a_source_that_sends_often_moves_the_robot_at_once(bench, gap_s):
+    assert times_of(bench, [3.0, *[gap_s] * 100]) == [NONE] * 101
+
+
+def test_the_age_of_an_operators_command_is_known_otherwise(bench):
+    """A page sends several at once when a control is pressed."""
+    assert times_of(bench, [3.0, *HELD_BACK], source=Source("/web_node", "page")) == [NONE] * 11
