@@ -17,7 +17,7 @@ from ros1_bridge.node.robot_parameters import PAUSE_S
 
 SILENCE_S, BEGINNING_S, BURST_S, APART = 0.2, 0.5, 0.001, 3
 """In the time `BEGINNING_S` after a silence, a command that comes within `BURST_S` of the end of the one before it was
-held back [s], as are those after it, until so many have come apart.
+held back [s], as are those after it, until this many have come apart.
 """
 
 

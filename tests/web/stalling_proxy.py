@@ -64,14 +64,18 @@ class StallingProxy:
         with contextlib.suppress(OSError):
             sink.shutdown(socket.SHUT_WR)  # the other direction ends by itself
 
+    def cut(self) -> None:
+        """Ends the connections there are; what waits in them is lost."""
+        for end in self._ends:
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+
     def close(self) -> None:
         """Ends all connections."""
         self._server.shutdown(socket.SHUT_RDWR)
         self.flows.set()
         self._threads[0].join(PATIENCE_S)
-        for end in self._ends:
-            with contextlib.suppress(OSError):
-                end.shutdown(socket.SHUT_RDWR)
+        self.cut()
         for thread in self._threads:
             thread.join(PATIENCE_S)
         for end in (self._server, *self._ends):

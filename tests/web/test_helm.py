@@ -299,7 +299,7 @@ def test_only_the_one_who_drives_releases_the_stop(driving, who, done):
     bench.helm.stop(2, bench.now_s)
     bench.later()
     bench.rest(one)
-    assert bench.helm.release(who, bench.now_s) == done
+    assert bench.helm.release(who, bench.now_s, bench.now_s) == done
     state = bench.helm.state()
     assert (state.latched, state.why.reason) == ((False, "none") if who == 1 else (True, EMERGENCY))
 
@@ -307,7 +307,7 @@ def test_only_the_one_who_drives_releases_the_stop(driving, who, done):
 def test_the_stop_is_not_released_while_a_control_is_held(driving):
     bench, one, _ = driving
     bench.helm.stop(2, bench.now_s)
-    assert bench.helm.release(1, bench.now_s) == [helm.Refuse(1, helm.LET_GO)]
+    assert bench.helm.release(1, bench.now_s, bench.now_s) == [helm.Refuse(1, helm.LET_GO)]
     assert not bench.drives(one)
 
 
@@ -318,10 +318,23 @@ def test_a_stop_that_is_newer_than_the_click_is_not_released(driving):
     bench.later()
     bench.rest(one)
     bench.later(5.0)
+    clicked_s = bench.now_s
+    bench.later()
     bench.helm.stop(2, bench.now_s)
-    assert kinds(bench.helm.release(1, bench.now_s)) == ["Refuse"]
+    assert kinds(bench.helm.release(1, clicked_s, bench.now_s)) == ["Refuse"]
+    bench.later()
+    bench.rest(one)  # overtakes the click
+    assert kinds(bench.helm.release(1, clicked_s, bench.now_s)) == ["Refuse"]
+    assert kinds(bench.helm.release(1, bench.now_s, bench.now_s)) == ["Unlatch"]
+
+
+@pytest.mark.parametrize("heard_s", [None, 1e9])
+def test_a_click_of_a_page_that_has_shown_nothing_releases_nothing(driving, heard_s):
+    bench, one, _ = driving
+    bench.helm.stop(2, bench.now_s)
+    bench.later()
     bench.rest(one)
-    assert kinds(bench.helm.release(1, bench.now_s)) == ["Unlatch"]
+    assert kinds(bench.helm.release(1, heard_s, bench.now_s)) == ["Refuse"]
 
 
 def test_a_press_from_before_a_stop_that_arrives_after_it_does_not_drive(driving):
@@ -358,14 +371,14 @@ def test_a_stop_of_another_program_is_released_after_the_page_has_shown_it(bench
     page = bench.page(takes=True)
     bench.later()
     bench.helm.robot_latched(True, bench.now_s)
-    assert bench.helm.release(1, bench.now_s) == [helm.Refuse(1, helm.LET_GO)]
+    assert bench.helm.release(1, bench.now_s, bench.now_s) == [helm.Refuse(1, helm.LET_GO)]
     bench.helm.stop(1, bench.now_s)
     bench.later()
     bench.rest(page)
     bench.helm.robot_latched(False, bench.now_s)
     bench.later()
     bench.helm.robot_latched(True, bench.now_s)
-    assert bench.helm.release(1, bench.now_s) == [helm.Unlatch(), helm.Tell()]
+    assert bench.helm.release(1, bench.now_s, bench.now_s) == [helm.Unlatch(), helm.Tell()]
 
 
 def test_a_stop_that_another_program_releases_needs_a_new_press(driving):
@@ -400,5 +413,5 @@ def test_what_echoes_the_future_is_no_release(driving):
     bench.later()
     one.held = False
     bench.arrives(one, one.message(bench.now_s)._replace(heard_s=None, heard_t_s=None))
-    bench.helm.release(1, bench.now_s)
+    bench.helm.release(1, bench.now_s, bench.now_s)
     assert "Drive" not in kinds(bench.push(one))

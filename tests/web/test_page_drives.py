@@ -137,6 +137,19 @@ def test_a_page_without_a_place_sends_its_stop_when_there_is_one(visit):
     page.take()
 
 
+@pytest.mark.parametrize("before", ["", NO_WEBSOCKET], ids=["websocket", "events"])
+def test_a_stop_that_the_network_has_lost_is_sent_again(visit, shared, before):
+    page = visit(DESK, before).arrive()
+    shared.proxy.flows.clear()
+    try:
+        page.tab.press("stop")
+        shared.proxy.cut()
+    finally:
+        shared.proxy.flows.set()
+    page.wait(latched="yes")
+    page.take()
+
+
 def test_values_from_before_the_link_was_lost_are_not_shown(visit, shared):
     page, names = visit(DESK).arrive(), ("tile-speed", "tile-nearest", "tile-battery")
     wait_until(lambda: "–" not in map(page.text, names))

@@ -351,13 +351,17 @@ class Helm:
         self._end_press(why_of(StopReason.EMERGENCY_STOP), now_s)
         return [*acts, Latch(), Tell()]
 
-    def release(self, client: int, now_s: float) -> List[Act]:
-        """A client wants to end the latched stop, which its page has shown since: it may be newer than the click."""
+    def release(self, client: int, heard_s: Optional[float], now_s: float) -> List[Act]:
+        """A client wants to end the latched stop, which its page had shown: it may be newer than the click.
+
+        `heard_s` is the time of our newest message that the page had then.
+        """
         acts = self.tick(now_s)
         who = self._clients.get(client)
         if who is None or client != self._state.driver:
             return [*acts, Refuse(client, RELEASES)]
-        if who.held or who.rested_s < self._latched_s - SAME_S:
+        shown = heard_s is not None and self._latched_s - SAME_S <= heard_s <= now_s + SAME_S
+        if who.held or not shown or who.rested_s < self._latched_s - SAME_S:
             return [*acts, Refuse(client, LET_GO)]
         if not self._is_latched:
             return [*acts, Tell()]

@@ -117,7 +117,7 @@ _FIELDS: Dict[str, Mapping[str, Check]] = {
     "take": {},
     "yield": {},
     "stop": {},
-    "release": {},
+    "release": {"heard": _ECHO["heard"]},
     "record": {"on": _FLAG},
     "phone": {
         **{"t": _TIME, "alpha": _ANGLE, "beta": _ANGLE, "gamma": _ANGLE, "absolute": _FLAG},

@@ -53,7 +53,7 @@ MOST_QUOTED = 300  # characters of an error that may quote a request
 MOST_POSES = 1000  # poses of the path that a client gets when it joins
 RECORDINGS_S = 2.0  # sizes of recordings are read this often while one is written [s]
 HELM, VIEW, SAMPLE, CELLS, RECORDING = "helm", "view", "sample", "cells", "recording"
-_ORDERS = {"take": Helm.take, "yield": Helm.yield_, "stop": Helm.stop, "release": Helm.release}
+_ORDERS = {"take": Helm.take, "yield": Helm.yield_, "stop": Helm.stop}
 """What the helm does for a message that has only a type."""
 _WATCHES_ONLY = "a watch-only link cannot record or download; use the link for driving"
 _REFUSED_LINK = "this link is not valid; open the whole link that mrl web or web_node printed last"
@@ -472,6 +472,8 @@ class Server:
             self._carry_out(helm.control(number, value, clock_s()))
         elif kind in _ORDERS:
             self._carry_out(_ORDERS[kind](helm, number, clock_s()))
+        elif kind == "release":
+            self._carry_out(helm.release(number, value["heard"], clock_s()))
         elif kind == "record":
             self._record(client, value["on"])
         elif kind == "phone" and helm.state().driver == number:

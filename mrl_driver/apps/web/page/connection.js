@@ -98,6 +98,11 @@ export class Connection {
     this.#open();
   }
 
+  /** Time of the newest message from the server, by its clock [ms]; null before the first. */
+  get heard() {
+    return this.#heard;
+  }
+
   /** Sends a message; returns whether there is a connection to send it over. */
   send(message) {
     return this.isOpen && this.#transport.send(message);

@@ -27,7 +27,7 @@ export class Helm {
     const send = (type) => () => connection.send({ type });
     element("take").addEventListener("click", send("take"));
     element("yield").addEventListener("click", send("yield"));
-    element("release").addEventListener("click", send("release"));
+    element("release").addEventListener("click", () => connection.send({ type: "release", heard: connection.heard }));
     // At once when the pointer goes down: a second finger may give no click.  A second stop does no harm.
     element("stop").addEventListener("pointerdown", (event) => event.button === 0 && this.stop());
     element("stop").addEventListener("click", () => this.stop());
@@ -82,19 +82,18 @@ export class Helm {
     return this.state.latched ? "release the emergency stop first" : "";
   }
 
-  /** Sends the emergency stop; without a link it is sent as soon as there is one. */
+  /** Sends the emergency stop; when a link is back it is sent again, unless the server has confirmed it. */
   stop() {
     this.stopping();
-    const sent = this.#connection.send({ type: "stop" });
-    this.#stopWaits = !sent;
-    if (!sent) {
+    this.#stopWaits = true;
+    if (!this.#connection.send({ type: "stop" })) {
       alarm("STOP is not sent: there is no link to the server. It is sent when the link is back.");
       notice("STOP waits for the link. Use the switch on the robot.");
       return;
     }
     clearTimeout(this.#stopTimer);
     this.#stopTimer = setTimeout(() => {
-      if (this.state.latched) return;
+      if (!this.#stopWaits) return;
       alarm("STOP is sent but not confirmed yet. Use the switch on the robot.");
       notice("STOP is not confirmed yet. Use the switch on the robot.");
     }, CONFIRM_MS);
@@ -102,7 +101,6 @@ export class Helm {
 
   /** Forgets which page drives when the link is lost. */
   lost() {
-    clearTimeout(this.#stopTimer);
     this.#you = null;
     this.state = { ...this.state, driver: null, wants: null, names: {}, spent: {} };
     this.#show();
@@ -112,6 +110,7 @@ export class Helm {
     const before = this.state;
     this.state = { ...before, ...message };
     const { latched, wants } = this.state;
+    if (latched) this.#stopWaits = false;
     if (latched && !before.latched) alarm(`Emergency stop${this.stoppedBy}.`);
     if (!latched && before.latched) notice("The emergency stop is released.");
     if (message.driver !== before.driver && this.#you !== null) {
