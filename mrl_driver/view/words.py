@@ -104,6 +104,8 @@ def stop_error(driver: "Driver", what: str) -> BoardError:
         fault.code = BOARD_STOPS.get(driver.mismatch.reason, fault.code)
         return fault
     stop = STOPS[driver.stop_reason]
+    if driver.stop_reason is StopReason.BATTERY and driver.battery_state == "empty":
+        stop = _stop("the battery is empty", "battery_empty")
     kind = HostBusy if stop.code == HostBusy.code else BoardTimeout
     why = stop.why + (f"; {stop.remedy}" if stop.remedy else "")
     error = kind(f"{what}: {why or why_refused(driver, 'try again')}")

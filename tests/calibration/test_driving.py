@@ -11,7 +11,7 @@ from mrl_driver.cli.doctor import wheels
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, HostBusy, MrlError
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.view.words import STOPS
+from mrl_driver.view.words import STOPS, stop_error
 from sim_arduino.serve import factory
 from tests.driver.test_inputs import stepped
 
@@ -210,4 +210,4 @@ def test_no_request_turns_motors_without_battery(driven, volts, state):
         for _ in range(100):
             robot.request(manoeuvres.MOVE, 40, 40)
             robot.wait(0.1)
-    assert robot.stop_reason == StopReason.BATTERY
+    assert robot.stop_reason == StopReason.BATTERY and stop_error(robot, "stopped").code == f"battery_{state}"

@@ -128,6 +128,15 @@ def test_a_stop_is_not_timed_by_a_wheel_that_is_blocked(profile):
     assert row.likely == "wheel_dead"
 
 
+@pytest.mark.parametrize("robot", ["omni", "duo", "stingbot"])
+def test_a_stop_is_timed_by_wheels_that_turn(robot):
+    """The rear one of three does not, straight ahead."""
+    with contextlib.closing(factory.make(factory.Options(robot))) as made, SteppedDriver(
+        made.engine
+    ) as driver:
+        assert host.stops(driver, moves=True).verdict == AGREES
+
+
 def test_a_rate_that_a_board_of_2013_does_not_promise_is_only_reported():
     options = factory.Options("traxbot", profile="2013-august")
     with contextlib.closing(factory.make(options)) as made, SteppedDriver(made.engine) as driver:
