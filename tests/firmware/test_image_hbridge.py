@@ -7,7 +7,7 @@ from typing import Dict, Iterator, List, Set
 
 import pytest
 
-from mrl_driver.protocol.table import BAUD, BRIDGES, PARAMETER_BY_NAME, WIRING
+from mrl_driver.protocol.table import BAUD, BAUDS, BRIDGES, INPUTS, PARAMETER_BY_NAME, WIRING
 from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, Chip
 from sim_arduino.avr.machine import AvrMachine
 from tests import models
@@ -20,6 +20,7 @@ IMAGES = {ATMEGA328P: "mrl_firmware_hbridge.elf", ATMEGA2560: "mrl_firmware_hbri
 HZ = 16_000_000
 LEFT, RIGHT = (5, 6, 7), (11, 3, 9)  # PWM_A, PWM_B, LOGIC
 OUTPUTS = LEFT + RIGHT
+INACTIVE = {models.WITH_INPUTS[f"pin_{name}"]: int(name.startswith("bumper")) for name in INPUTS}
 LEFT_A, LEFT_B, RIGHT_A, RIGHT_B = ENCODERS = (2, 4, 8, 10)
 TB6612 = BRIDGES.index("tb6612")
 SET = 1 << [name for name, _ in WIRING].index("set")
@@ -241,6 +242,27 @@ def test_no_byte_of_the_host_waits_for_a_long_task(turning):
     arrivals = [begun + (end - begun) * (number + 1) / count for number in range(count)]
     waits = [looks[bisect(looks, arrival)] - arrival for arrival in arrivals]
     assert max(waits) < LONGEST_TASK_S * HZ
+
+
+def test_passes_of_a_millisecond_leave_time_for_the_wheels():
+    """The host's bytes and edges make them so long that each one looks at the inputs."""
+    rig = BridgeRig(BUILD / IMAGES[ATMEGA328P], 40e3, pins={**models.DUO_PINS, **models.WITH_INPUTS})
+    for pin, level in INACTIVE.items():
+        rig.machine.set_pin(pin, level)
+    machine = rig.settle().machine
+    machine.send(request("set_baud", 1))
+    rig.run(0.01)
+    machine.set_host_baud(BAUDS[1])
+    machine.send(HALF_DUTY)
+    machine.watch_pins(rig.outputs)
+    rig.run(0.1)
+    assert machine.pin_changes()
+    machine.send(b"@10,0,0e" * 600)
+    rig.run(0.1)
+    machine.pin_changes()
+    rig.run(0.05)
+    assert not machine.pin_changes()
+    rig.close()
 
 
 # ---- PWM

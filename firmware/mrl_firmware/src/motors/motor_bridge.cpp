@@ -47,6 +47,7 @@ uint32_t refused_since;
 bool usable;   // bridge, wiring and numbers are set
 bool refused;  // moves, since the chip has stopped a wheel
 bool undervoltage;
+bool looked;  // at the inputs, in the last pass
 
 // ---- wires: the motor that drives a wheel, and the encoder that it turns
 
@@ -235,10 +236,10 @@ void service() {
   for (uint8_t i = 0; i < count && status::turning(); i++) {
     if (hal::encoder_masked(i)) stop_for(StopReason::encoder);
   }
-  if (inputs::service()) {  // a host's stop does not wait for a wheel as well
-    if (status::turning()) stopped_by_input();
-    return;
-  }
+  const bool before = looked;
+  looked = inputs::service();
+  if (looked && status::turning()) stopped_by_input();
+  if (looked && !before) return;  // a host's stop does not wait for a wheel as well; passes of 1 ms look each time
   if (to_serve && !frame_goes_first()) serve(to_serve--);
   if (!to_serve) {  // the news of a sample may be gone by the end of the service of the one before
     if (!hal::encoder_sample(sample)) return;
