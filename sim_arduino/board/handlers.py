@@ -92,6 +92,12 @@ def _save_config(board: Board) -> None:
     board.ask("save_config", 1, after_s=EEPROM_LOOK_S + changed * EEPROM_BYTE_S)
 
 
+def _saved(board: Board, saved: int) -> Values:
+    """What has changed meanwhile is saved too."""
+    board.config.save()
+    return (saved,)
+
+
 def _default_config(board: Board) -> None:
     board.config.set_defaults()
     board.motors.refresh(board.now_s)
@@ -357,7 +363,7 @@ del REQUESTS["xbee_text"]  # only a reply
 REPLIES: Dict[str, Callable[[Any, int], Values]] = {
     **{sensor.command.name: partial(_values, sensor) for sensor in table.SENSORS},
     **dict.fromkeys(
-        ("set_check", "set_baud", "save_config", "default_config", "release_hold", "release_emergency"),
+        ("set_check", "set_baud", "default_config", "release_hold", "release_emergency"),
         _value,
     ),
     "robot_info": _info,
@@ -377,6 +383,7 @@ REPLIES: Dict[str, Callable[[Any, int], Values]] = {
     "set_watchdog": lambda board, _: (board.watchdog_ms,),
     "read_config": _config,
     "write_config": _config,
+    "save_config": _saved,
     "xbee_text": lambda board, _: board.radio.text(),
     "discover_xbee": lambda board, _: board.radio.node(),
     "read_radio": lambda board, _: board.radio.hold.report(),

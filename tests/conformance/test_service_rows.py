@@ -200,6 +200,17 @@ def test_saved_parameters_survive_a_reset(bench):
     assert bench.status().faults == 0
 
 
+def test_gains_that_change_while_the_board_saves_are_saved_too(bench):
+    bench.write_config("linear_ceiling", 100)
+    bench.send(encode_request(36) + encode_request(2, 701, 401, 0), wait_s=0.3)
+    assert b"@36,1e" in bench.text
+    bench.board.reset()
+    bench.run(0.6)
+    assert bench.status().faults == 0
+    assert bench.reply("read_config", 10) == (10, 100)
+    assert bench.reply("read_config", PARAMETER_BY_NAME["kp"].number)[1] == 701
+
+
 def test_defaults_follow_the_robot_id(bench):
     bench.write_config("robot_id", 4)
     assert bench.reply("default_config") == (1,)

@@ -182,8 +182,7 @@ void apply() {
   commands::decoder.plain_calibrate = get(Parameter::plain_calibrate);
   bus::configure();
   sonar::configure();
-  // A running save starts again; otherwise it would mix old and new values.
-  saving = 0;
+  saving = 0;  // of defaults; see set()
 }
 
 }  // namespace
@@ -215,7 +214,9 @@ int16_t get(Parameter parameter) {
   return image.values[index];
 }
 
+// A running save starts again; otherwise it would mix old and new values.
 void set(Parameter parameter, int16_t value) {
+  saving = 0;
   const uint8_t index = static_cast<uint8_t>(parameter);
 #if MRL_BRIDGE
   if (index >= PIN_FIRST) {
