@@ -40,8 +40,12 @@ class BoardStatus:
         """Notes why the motors were stopped; if they were not turning, the earlier reason stays."""
         if self._turning:
             self.stop_reason = STOP_REASONS.index(reason)
-        self._own_stop = reason != StopReason.HOST and (self._own_stop or self._turning)
+        self._own_stop = self._own_stop or (self._turning and reason != StopReason.HOST)
         self._turning = False
+
+    def host_stopped(self) -> None:
+        """Notes a stop (13)."""
+        self._own_stop = False
 
     def refuses_move(self) -> bool:
         """Whether only the host's stop lets the robot move again; a refused move is answered with the status."""

@@ -133,6 +133,7 @@ def _set_encoder_prescaler(board: Board, encoder: int, value: int) -> None:
 
 def _stop(board: Board) -> None:
     board.stop_motors(StopReason.HOST)
+    board.health.host_stopped()
     board.require_motors()
 
 

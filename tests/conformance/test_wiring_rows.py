@@ -2,7 +2,7 @@
 
 import pytest
 
-from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME
+from mrl_driver.protocol.table import BRIDGES, BY_NAME, PARAMETER_BY_NAME
 from mrl_driver.robot import wiring
 from mrl_driver.robot.chips import ATMEGA328P
 from tests.models import model
@@ -72,6 +72,19 @@ def test_a_wiring_that_breaks_while_the_robot_drives_stops_it(bench):
     bench.ask("write_config", number("left_encoder_a"), -1)
     assert not bench.is_driven() and bench.reply("read_wiring") == (1, number("left_encoder_a"), -1)
     assert bench.ask(*MOVE, wait_s=0.1) == [] and not bench.is_driven()
+
+
+@pytest.mark.parametrize("name, value", [("wiring", 1), ("servo_release", 1)])
+def test_a_write_of_the_wiring_does_not_let_the_robot_move_after_a_stop_of_the_board(bench, name, value):
+    """It stops the motors, but it is not the stop (13) for which the board waits."""
+    bench.ask("set_watchdog", 60)
+    bench.ask(*MOVE, wait_s=0.1)
+    bench.write_config(name, value)
+    (status,) = bench.ask(*MOVE)
+    assert status.code == BY_NAME["read_status"].code and not bench.is_driven()
+    bench.ask("stop")
+    bench.ask(*MOVE)
+    assert bench.is_driven()
 
 
 @pytest.mark.parametrize("name", ["pin_enable_1", "pin_enable_2"])

@@ -26,7 +26,7 @@ int16_t present_faults, unread_faults;
 ResetCause reset_cause;
 StopReason stop_reason;
 bool moving;       // a move was received since the last stop
-bool own_stop;     // the board itself has stopped the motors since the last move
+bool own_stop;     // the board itself has stopped the motors since the last move or stop (13)
 
 // The interrupt's mark survives a bootloader that clears the chip's flags; kept RAM means a reset, not a power-on.
 ResetCause cause_of(const hal::ResetTrace& trace) {
@@ -67,9 +67,11 @@ void turned() {
 // If the motors were not turning, the reason of the previous stop stays.
 void stopped(StopReason reason) {
   if (moving) stop_reason = reason;
-  own_stop = reason != StopReason::host && (own_stop || moving);
+  own_stop = own_stop || (moving && reason != StopReason::host);
   moving = false;
 }
+
+void host_stopped() { own_stop = false; }
 
 bool refuses_move() {
   if (!own_stop || !failsafe::stops_are_final()) return false;

@@ -21,6 +21,8 @@ bool turning();
 void turned();
 // Notes that the motors are stopped.
 void stopped(StopReason reason);
+// The host has sent a stop (13).  Other stops of its own, such as that of a new wiring, end no refusal.
+void host_stopped();
 // True if the board itself has stopped the motors, so that only the host's stop lets it move again; see failsafe.h.  The
 // status, which has the reason, is sent.
 bool refuses_move();

@@ -150,6 +150,7 @@ void move_to_position(const int16_t* args, uint8_t) {
 void stop(const int16_t*, uint8_t) {
   require(motor::available());
   motor::stop(StopReason::host);
+  status::host_stopped();
 }
 
 }  // namespace handlers
