@@ -208,7 +208,7 @@ class PythonBoard(Engine):
         self.imu_stream: Optional[ImuStream] = None
         self.watchdog_ms = 0
         self._valid_s = self._stream_due_s = self.ready_s
-        self._silent = False
+        self._silent = self._lost = False
         self._sequence = 0
         self._frame_s = 0.0
         self._last_turn = 0
@@ -264,7 +264,7 @@ class PythonBoard(Engine):
             self.motors.next_s,
             self.imu.next_s,
             self._watchdog_due_s(),
-            self._check_due_s(),
+            self._lost_due_s(),
             self._baud_due_s(),
             self.radio.next_s if self.radio else math.inf,
             self._wire_due_s() + frame_s,
@@ -290,10 +290,12 @@ class PythonBoard(Engine):
         if self._watchdog_due_s() <= now:
             self._silent = True
             self.stop_motors(StopReason.LINK_WATCHDOG)
-        if self._check_due_s() <= now:
-            self.stop_motors(StopReason.CHECK_ENDED)
+        if self._lost_due_s() <= now:
+            self._lost = True
             self.servos.lose_host(bool(self.config.pins.get(wiring.RELEASE)), now)
-            self.set_check(False)
+            if self._decoder.checked:
+                self.stop_motors(StopReason.CHECK_ENDED)
+                self.set_check(False)
         if self._baud_due_s() <= now:
             self._change_baud(self.wanted_baud if self.wanted_baud != self.baud else 0)
         if self.radio:
@@ -319,8 +321,8 @@ class PythonBoard(Engine):
             self._valid_s + self.watchdog_ms / 1000.0 if self.watchdog_ms and not self._silent else math.inf
         )
 
-    def _check_due_s(self) -> float:
-        return self._valid_s + CHECK_SILENCE_S if self._decoder.checked else math.inf
+    def _lost_due_s(self) -> float:
+        return math.inf if self._lost else self._valid_s + CHECK_SILENCE_S
 
     def _wire_due_s(self) -> float:
         """Time at which the next frame is sent [s]: the line is free, and a reply or a stream is due."""
@@ -366,7 +368,7 @@ class PythonBoard(Engine):
 
     def carry_out(self, frame: Frame) -> None:
         """Carries out a valid request."""
-        self._valid_s, self._silent = self.now_s, False
+        self._valid_s, self._silent, self._lost = self.now_s, False, False
         row = BY_CODE[frame.code]
         needed = handlers.NEEDS.get(row.name)
         if needed and needed not in self.capabilities:

@@ -3,11 +3,9 @@
 #include "../serial/answers.h"
 #include "../serial/baud.h"
 #include "board_clock.h"
-#include "../../build.h"
 #include "../serial/commands.h"
 #include "../serial/frame_writer.h"
 #include "../motors/motor.h"
-#include "../motors/servo.h"
 #include "../serial/protocol.h"
 
 namespace mrl {
@@ -52,10 +50,11 @@ void service(uint16_t gap) {
   if (baud::raised() && board_clock::passed(last_valid, BAUD_SILENCE)) baud::reset();
   if (commands::decoder.checked && board_clock::passed(last_valid, CHECK_SILENCE)) {
     motor::stop(StopReason::check_ended);
-    if (MRL_BRIDGE) servo::lose_host();
     set_check(false);
   }
 }
+
+bool host_lost() { return board_clock::now() - last_valid >= CHECK_SILENCE; }
 
 bool stops_are_final() { return final; }
 

@@ -9,6 +9,8 @@ namespace failsafe {
 void valid_frame();
 // `gap` is the time since the last pass of the loop [64 us].
 void service(uint16_t gap);
+// Whether no valid frame has arrived for 2 s.
+bool host_lost();
 // Whether the board refuses moves after a stop that the host did not order, until the host orders one.  This begins when
 // the host turns the watchdog on and ends when it turns watchdog or checksums off, so that hosts of 2013 never see it.
 // Silence does not end it, because a move that the line held up may arrive after the silence.

@@ -7,6 +7,7 @@
 #include "../serial/answers.h"
 #include "../board/board_clock.h"
 #include "../board/config.h"
+#include "../board/failsafe.h"
 #include "../serial/frame_writer.h"
 #include "../hal/hal.h"
 #include "../serial/protocol.h"
@@ -37,6 +38,14 @@ void step(Servo& servo) {
   servo.present = static_cast<uint16_t>(up ? servo.present + left : servo.present - left);
 }
 
+// The host has been silent for long: servos stay where they are or lose their pulses, as configured.
+void lose_host() {
+  for (Servo& servo : servos) {
+    if (config::get(Parameter::servo_release)) servo.present = 0;
+    servo.target = servo.present;
+  }
+}
+
 }  // namespace
 
 void begin() {
@@ -51,16 +60,10 @@ void begin() {
 void service() {
   if (!any || !board_clock::passed(since, STEP)) return;
   since += STEP;
+  if (failsafe::host_lost()) lose_host();
   for (uint8_t i = 0; i < hal::SERVOS; i++) {
     step(servos[i]);
     hal::servo_write(i, servos[i].present >> SHIFT);
-  }
-}
-
-void lose_host() {
-  for (Servo& servo : servos) {
-    if (config::get(Parameter::servo_release)) servo.present = 0;
-    servo.target = servo.present;
   }
 }
 

@@ -8,8 +8,6 @@ namespace servo {
 // With the wiring in force; no servo has pulses before its first request.
 void begin();
 void service();
-// The host has been silent for long: servos stay where they are or lose their pulses, as configured.
-void lose_host();
 // The row of the reply to 52.
 void report(int16_t number);
 
