@@ -12,7 +12,7 @@ TURN_S = 938 * TICK_S
 SAMPLE_S = 40e-3  # from one conversion of an analog sensor to the next
 TRIGGER_S = 10e-6
 LONGEST_S = 30.72e-3  # longer echoes mean that nothing is in range
-HELD_FOR = 5  # turns with a high echo, after which it counts as held
+HELD_FOR = 5  # turns of all since a sensor has fired, after which a high echo counts as held
 FARTHEST_MM = 4000
 
 
@@ -29,7 +29,7 @@ class RangeTask:
         wires = [tuple(pins.get(name, NOT_CONNECTED) for name in names) for names in RANGE_PINS]
         self._wires = [(i, *pair) for i, pair in enumerate(wires) if pair[0] != NOT_CONNECTED]
         self._way = 43424 + (1271 * air_c >> 4)  # half that of the sound in half a microsecond [2^-19 mm]
-        self._values, self._high_for = [RANGE_INVALID] * RANGES, [0] * RANGES
+        self._values, self._fired_before = [RANGE_INVALID] * RANGES, [0] * RANGES
         self._turn = -1
         self._awaiting, self._ends_s = False, math.inf
         self._turn_s = start_s + TURN_S if self._wires else math.inf
@@ -72,15 +72,14 @@ class RangeTask:
     def _begin(self, now_s: float) -> None:
         index, trigger, _ = self._wires[self._turn]
         self._awaiting, self._ends_s = not self._is_high(now_s), math.inf
+        self._fired_before = [turns + 1 for turns in self._fired_before]
         if self._awaiting:
-            self._high_for[index] = 0
+            self._fired_before[index] = 0
             self._plant.pin_changed(trigger, 1, now_s)
             self._plant.pin_changed(trigger, 0, now_s + TRIGGER_S)
             begin_s, end_s = self._echo()
             self._ends_s = end_s if begin_s >= now_s else math.inf
-        elif self._high_for[index] < HELD_FOR:
-            self._high_for[index] += 1
-        else:
+        elif self._fired_before[index] >= HELD_FOR:
             self._values[index] = RANGE_HELD
 
     @property

@@ -6,12 +6,14 @@ from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import RANGE_HELD, RANGE_INVALID, RANGE_NOTHING
 from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.sonar import input_range_m
+from sim_arduino.hardware import echo_ranges
 from sim_arduino.hardware.echo_ranges import HELD, SILENT, sound_m_s
 from sim_arduino.world.world import Wall, World
 from tests.models import four_wheels, model
 
 NO_MORE = (RANGE_INVALID,) * 3  # inputs for which the Uno has no pins
-ROUND_S, HELD_S = 0.2, 1.5  # longer than three turns, and than six rounds of them
+ROUND_S, HELD_S = 0.2, 0.45  # longer than three turns, and than six and one more
+SETTLED_S = 1.5
 PHASES, PHASE_S = 64, 4.125e-3  # the battery has a turn every 8 ms
 ECHO_MM = 0.5e-3 * 40e-6 * 343.4e3 * 1e3  # way of the sound in half of 40 us
 PINS = {
@@ -65,6 +67,8 @@ def test_a_mega_has_six(make):
     left, ahead = pytest.approx(250, abs=ECHO_MM), pytest.approx(1000, abs=ECHO_MM)
     found = (left, RANGE_NOTHING, RANGE_NOTHING, ahead, left, RANGE_NOTHING)
     assert read(bench, 2 * ROUND_S) == found and bench.reply("read_board")[3] == 0b111111
+    bench.plant.ranges.failed["range_6"] = HELD
+    assert read(bench, HELD_S)[5] == RANGE_HELD
 
 
 ANALOG = {"pin_range_2_trigger": -1, "pin_range_2_echo": 16, "pin_range_3_trigger": -1}
@@ -75,7 +79,7 @@ def test_without_a_trigger_a_range_is_the_count_of_its_voltage(ranges):
     bench = ranges(**ANALOG)
     volts = {"range_2": 1.25, "range_3": 5.0}
     bench.plant.range_volts.update((name, lambda _, v=v: v + 1e-3) for name, v in volts.items())
-    assert read(bench, HELD_S) == (pytest.approx(1000, abs=ECHO_MM), 256, 1023, *NO_MORE)
+    assert read(bench, SETTLED_S) == (pytest.approx(1000, abs=ECHO_MM), 256, 1023, *NO_MORE)
     assert bench.status().faults == 0 and bench.reply("read_board")[3] == 0b111
 
 
@@ -100,7 +104,7 @@ def test_analog_ranges_the_battery_and_sonars_take_turns(make):
     for i in range(1, 4):
         bench.plant.range_volts[f"range_{i}"] = lambda _, i=i: (100 * i + 0.5) * 5 / 1024
     bench.plant.robot.set_battery(7.4)
-    bench.run(HELD_S)
+    bench.run(SETTLED_S)
     assert bench.reply("robot_info")[2] == pytest.approx(740, abs=4)
     for _ in range(PHASES):
         for divider in (0, 4000):
@@ -127,6 +131,17 @@ def test_a_missing_echo_is_told_from_a_far_one(ranges):
     bench.plant.ranges.failed["range_1"] = SILENT
     nose, _, back, *_ = read(bench)
     assert (nose, back) == (RANGE_INVALID, RANGE_NOTHING)
+    assert bench.status().faults == 0
+
+
+@pytest.mark.parametrize("others", [{}, dict.fromkeys(list(PINS)[-4:], -1)], ids=["three", "one"])
+def test_a_long_echo_of_a_sensor_that_sees_nothing_is_not_a_held_one(ranges, monkeypatch, others):
+    """Some modules end it after 200 ms."""
+    monkeypatch.setattr(echo_ranges, "NOTHING_S", 0.2)
+    bench = ranges({"nose": SONARS["back"]._replace(input="range_1")}, **others)
+    bench.run(2 * ROUND_S)
+    for _ in range(8):
+        assert read(bench, ROUND_S / 2)[0] == RANGE_NOTHING
     assert bench.status().faults == 0
 
 

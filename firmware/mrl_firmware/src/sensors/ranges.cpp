@@ -21,7 +21,7 @@ namespace {
 
 constexpr uint32_t TURN = board_clock::of_ms(60) + 1;
 constexpr uint32_t SAMPLE_PERIOD = board_clock::of_ms(40);  // a GP2Y0A21 measures as often
-constexpr uint8_t HELD_FOR = 5;  // turns; modules end an echo after 38 ms, some after 200 ms
+constexpr uint8_t HELD_FOR = 5;  // turns of all; modules end an echo after 38 ms, some after 200 ms
 constexpr uint16_t FARTHEST = 4000;  // mm, by the data sheet
 
 struct Pins {
@@ -29,7 +29,7 @@ struct Pins {
 };
 Pins pins[hal::RANGES];
 int16_t values[hal::RANGES];
-uint8_t high_for[hal::RANGES];  // turns
+uint8_t fired_before[hal::RANGES];  // turns of all, at most HELD_FOR
 uint8_t with_trigger, analog;   // a bit each
 uint8_t turn;
 bool awaiting;  // an echo, or its end
@@ -71,10 +71,9 @@ void begin_turn() {
   } while (!has(with_trigger, turn));
   since = board_clock::now();
   awaiting = hal::range_fire(pins[turn].trigger, pins[turn].echo);
-  uint8_t& high = high_for[turn];
-  if (awaiting) high = 0;
-  else if (high < HELD_FOR) high++;
-  else values[turn] = RANGE_HELD;
+  for (uint8_t& before : fired_before) before = static_cast<uint8_t>(before + (before < HELD_FOR));
+  if (awaiting) fired_before[turn] = 0;
+  else if (fired_before[turn] == HELD_FOR) values[turn] = RANGE_HELD;
 }
 
 // Small rather than fast: the loop's other tasks are compiled for speed, and would make it part of them.  A board
@@ -127,7 +126,7 @@ void begin() {
   since = sampled_at = board_clock::now();
   awaiting = false;
   for (uint8_t i = 0; i < hal::RANGES; i++) {
-    high_for[i] = 0;
+    fired_before[i] = 0;
     take_pins(i);
   }
 }
