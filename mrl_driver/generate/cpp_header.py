@@ -32,7 +32,8 @@ _TOP = """
 
 // A QUERY only asks for its reply; the board sends a NO_REQUEST by itself.
 // code, constant, name, in this build, fewest and most arguments, guarded (1 always, 2 once the host has turned
-// checksums on), reply stamped, index of the first argument's range, range of each argument (ANY: all of int16)
+// checksums on), reply (1, with a stamp 2), index of the first argument's range, range of each argument (ANY: all of
+// int16)
 """
 
 _HEAD = """
@@ -156,7 +157,7 @@ def _request_rows() -> List[str]:
         most = len(row.request)
         guarded = 1 if row.guarded else 2 if row.turns else 0
         names = row.code, row.name.upper(), row.name, _BUILDS.get(row.capability, 1)
-        cells = [*names, most - row.optional, most, guarded, int(row.stamped), first]
+        cells = [*names, most - row.optional, most, guarded, _reply(row), first]
         if most:
             cells.append(" ".join(map(_range, row.request)))
         rows.append(f"{_kind(row)}({', '.join(map(str, cells))})")
@@ -171,6 +172,10 @@ def _request_rows() -> List[str]:
         .splitlines(),
         *_macro("MRL_COMMANDS(REQUEST, QUERY, NO_REQUEST)", rows),
     ]
+
+
+def _reply(row: table.Command) -> int:
+    return 2 if row.stamped else int(bool(row.reply))
 
 
 def _kind(row: table.Command) -> str:

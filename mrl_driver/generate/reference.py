@@ -46,8 +46,8 @@ prescalers and all values that come from the parameters.
 
 The board reads the counters on each request.  If the read fails, it sends nothing; a reply to 6 or 8 whose first bytes
 were already sent stays unfinished.  Boards with robot id 6 or higher that have never found a motor board send 999 in
-23 and 25, as they did in 2013.  At most 8 replies wait for the serial link; further requests are dropped and counted
-as overruns.
+23 and 25, as they did in 2013.  At most 8 replies wait for the serial link; further requests that have one are not
+carried out, and counted as overruns.
 
 One stream runs at a time: starting one ends the other, and each stop command ends only its own stream.  Only the
 stream of 47 is independent of the others.  Its frames wait for replies and for the other stream's frames, but a stream

@@ -370,6 +370,9 @@ class PythonBoard(Engine):
         """Carries out a valid request."""
         self._valid_s, self._silent, self._lost = self.now_s, False, False
         row = BY_CODE[frame.code]
+        if row.reply and not row.stamped and not self._can_ask():
+            self.refuse("overrun")
+            return
         needed = handlers.NEEDS.get(row.name)
         if needed and needed not in self.capabilities:
             self.refuse("unavailable")

@@ -250,6 +250,19 @@ def test_more_questions_than_the_wire_can_answer_are_counted(bench):
     assert answered and not any(isinstance(event, Garbage) for event in answered)
 
 
+def test_a_request_whose_answer_finds_no_room_is_not_carried_out(bench):
+    """Behind more and more requests, so that some answers find room."""
+    number = PARAMETER_BY_NAME["kp"].number
+    bench.send(encode_request(35, number, 0, checked=True))
+    lost, kp = 0, 0
+    for value in range(1, 10):
+        wanted = encode_request(35, number, value, checked=True)
+        answered = b"@35," in bench.send(b"@31e" * (10 + value) + wanted, wait_s=0.1)
+        lost, kp = lost + (not answered), value if answered else kp
+        assert bench.reply("read_config", number) == (number, kp)
+    assert 0 < lost < 9
+
+
 def test_answers_overtake_that_of_a_save(bench):
     """It looks at each byte of the EEPROM first, even if none has to change."""
     bench.send(encode_request(36) + encode_request(29))

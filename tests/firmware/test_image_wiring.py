@@ -120,7 +120,8 @@ def finding(board: Board) -> Tuple[str, int, int]:
     return WIRING_PROBLEMS[problem][0], parameter, other
 
 
-def write(board: Board, name: str, value: int, wait_s: float = 0.01) -> None:
+def write(board: Board, name: str, value: int, wait_s: float = 0.02) -> None:
+    """As a host does, which waits for the answer: a Mega checks its wiring for up to 17 ms."""
     board.say(request("write_config", PARAMETER_BY_NAME[name].number, value), wait_s)
 
 

@@ -8,6 +8,7 @@
 #include "../hal/flash.h"
 #include "../hal/hal.h"
 #include "protocol.h"
+#include "rows.h"
 #include "../board/status.h"
 
 namespace mrl {
@@ -31,6 +32,7 @@ constexpr uint8_t BYTES_A_PASS = 16;
 void execute() {
   const uint8_t code = decoder.code();
   failsafe::valid_frame();
+  if (rows::is_answered(code) && !answers::can_ask()) return status::refuse(Reason::overrun);
   flash_pointer(&HANDLERS[code - 1])(decoder.arguments(), decoder.count());
   debug::accepted(code);
 }

@@ -14,7 +14,7 @@ struct Spec {
 constexpr uint8_t NO_REQUEST = 0xFF;
 constexpr uint8_t ALWAYS = 1, ONCE_ASKED = 2;  // values of `guarded`
 
-#define SPEC(code, constant, name, there, least, most, guarded, stamped, first, ...) {least, most, guarded, first},
+#define SPEC(code, constant, name, there, least, most, guarded, reply, first, ...) {least, most, guarded, first},
 #define NO_SPEC(...) {NO_REQUEST, 0, 0, 0},
 const Spec SPECS[] PROGMEM = {MRL_COMMANDS(SPEC, SPEC, NO_SPEC)};
 static_assert(sizeof SPECS == MAX_CODE * sizeof(Spec), "codes run from 1 without a gap");
@@ -25,7 +25,7 @@ struct Range {
 
 #define RANGE(low, high) {low, high},
 #define ANY {INT16_MIN, INT16_MAX},
-#define RANGES_OF(code, constant, name, there, least, most, guarded, stamped, first, ...) __VA_ARGS__
+#define RANGES_OF(code, constant, name, there, least, most, guarded, reply, first, ...) __VA_ARGS__
 const Range RANGES[] PROGMEM = {MRL_COMMANDS(RANGES_OF, RANGES_OF, RANGES_OF)};
 
 // The row of a request, or nullptr.

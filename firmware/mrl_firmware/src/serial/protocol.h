@@ -9,70 +9,71 @@
 
 // A QUERY only asks for its reply; the board sends a NO_REQUEST by itself.
 // code, constant, name, in this build, fewest and most arguments, guarded (1 always, 2 once the host has turned
-// checksums on), reply stamped, index of the first argument's range, range of each argument (ANY: all of int16)
+// checksums on), reply (1, with a stamp 2), index of the first argument's range, range of each argument (ANY: all of
+// int16)
 #define MRL_COMMANDS(REQUEST, QUERY, NO_REQUEST) \
   REQUEST(1, CALIBRATE, calibrate, 1, 0, 0, 1, 0, 0) \
   REQUEST(2, SET_PID_GAINS, set_pid_gains, 1, 3, 3, 0, 0, 0, RANGE(0, 32767) RANGE(0, 32767) RANGE(0, 32767)) \
   REQUEST(3, SET_ENCODER_PRESCALER, set_encoder_prescaler, 1, 2, 2, 0, 0, 3, RANGE(1, 3) RANGE(0, 4)) \
   REQUEST(4, PRESET_ENCODER, preset_encoder, 1, 2, 2, 0, 0, 5, RANGE(1, 3) ANY) \
-  QUERY(5, ROBOT_INFO, robot_info, 1, 0, 0, 0, 0, 7) \
-  QUERY(6, READ_ENCODERS, read_encoders, 1, 0, 0, 0, 1, 7) \
-  QUERY(7, READ_SONARS, read_sonars, 1, 0, 0, 0, 0, 7) \
-  QUERY(8, READ_ENCODERS_AND_SONARS, read_encoders_and_sonars, 1, 0, 0, 0, 1, 7) \
+  QUERY(5, ROBOT_INFO, robot_info, 1, 0, 0, 0, 1, 7) \
+  QUERY(6, READ_ENCODERS, read_encoders, 1, 0, 0, 0, 2, 7) \
+  QUERY(7, READ_SONARS, read_sonars, 1, 0, 0, 0, 1, 7) \
+  QUERY(8, READ_ENCODERS_AND_SONARS, read_encoders_and_sonars, 1, 0, 0, 0, 2, 7) \
   REQUEST(9, MOVE_MOTORS_PID, move_motors_pid, 1, 2, 2, 2, 0, 7, RANGE(-100, 100) RANGE(-100, 100)) \
   REQUEST(10, MOVE_MOTORS, move_motors, 1, 2, 2, 2, 0, 9, RANGE(-100, 100) RANGE(-100, 100)) \
   REQUEST(11, MOVE_DIFFERENTIAL, move_differential, 1, 2, 2, 2, 0, 11, ANY ANY) \
   REQUEST(12, MOVE_TO_POSITION, move_to_position, 1, 3, 3, 2, 0, 13, RANGE(1, 3) RANGE(-100, 100) ANY) \
   REQUEST(13, STOP, stop, 1, 0, 0, 0, 0, 16) \
   REQUEST(14, RESET_ENCODERS, reset_encoders, 1, 0, 0, 0, 0, 16) \
-  QUERY(15, GET_DEBUG, get_debug, 1, 0, 0, 0, 0, 16) \
+  QUERY(15, GET_DEBUG, get_debug, 1, 0, 0, 0, 1, 16) \
   REQUEST(16, SET_DEBUG, set_debug, 1, 1, 1, 0, 0, 16, RANGE(0, 1)) \
-  QUERY(17, GET_STREAM, get_stream, 1, 0, 0, 0, 0, 17) \
+  QUERY(17, GET_STREAM, get_stream, 1, 0, 0, 0, 1, 17) \
   REQUEST(18, START_STREAM, start_stream, 1, 0, 1, 0, 0, 17, RANGE(0, 10000)) \
   REQUEST(19, STOP_STREAM, stop_stream, 1, 0, 0, 0, 0, 18) \
-  QUERY(20, READ_ALCOHOL, read_alcohol, MRL_ENVIRONMENT, 0, 0, 0, 0, 18) \
-  QUERY(21, READ_DUST, read_dust, MRL_ENVIRONMENT, 0, 0, 0, 0, 18) \
-  QUERY(22, READ_THERMOPILE, read_thermopile, MRL_ENVIRONMENT, 0, 0, 0, 0, 18) \
-  REQUEST(23, START_SENSOR_STREAM, start_sensor_stream, MRL_ENVIRONMENT, 0, 1, 0, 1, 18, RANGE(0, 10000)) \
+  QUERY(20, READ_ALCOHOL, read_alcohol, MRL_ENVIRONMENT, 0, 0, 0, 1, 18) \
+  QUERY(21, READ_DUST, read_dust, MRL_ENVIRONMENT, 0, 0, 0, 1, 18) \
+  QUERY(22, READ_THERMOPILE, read_thermopile, MRL_ENVIRONMENT, 0, 0, 0, 1, 18) \
+  REQUEST(23, START_SENSOR_STREAM, start_sensor_stream, MRL_ENVIRONMENT, 0, 1, 0, 2, 18, RANGE(0, 10000)) \
   REQUEST(24, STOP_SENSOR_STREAM, stop_sensor_stream, 1, 0, 0, 0, 0, 19) \
-  REQUEST(25, START_SENSOR_LDR_STREAM, start_sensor_ldr_stream, MRL_ENVIRONMENT, 0, 1, 0, 1, 19, RANGE(0, 10000)) \
+  REQUEST(25, START_SENSOR_LDR_STREAM, start_sensor_ldr_stream, MRL_ENVIRONMENT, 0, 1, 0, 2, 19, RANGE(0, 10000)) \
   REQUEST(26, STOP_SENSOR_LDR_STREAM, stop_sensor_ldr_stream, 1, 0, 0, 0, 0, 20) \
-  REQUEST(27, START_COMPASS_STREAM, start_compass_stream, MRL_ENVIRONMENT, 0, 1, 0, 1, 20, RANGE(0, 10000)) \
+  REQUEST(27, START_COMPASS_STREAM, start_compass_stream, MRL_ENVIRONMENT, 0, 1, 0, 2, 20, RANGE(0, 10000)) \
   REQUEST(28, STOP_COMPASS_STREAM, stop_compass_stream, 1, 0, 0, 0, 0, 21) \
-  QUERY(29, READ_PROTOCOL, read_protocol, 1, 0, 0, 0, 0, 21) \
-  QUERY(30, READ_STATUS, read_status, 1, 0, 0, 0, 0, 21) \
-  QUERY(31, READ_COUNTERS, read_counters, 1, 0, 0, 0, 0, 21) \
-  REQUEST(32, SET_CHECK, set_check, 1, 1, 1, 1, 0, 21, RANGE(0, 1)) \
-  REQUEST(33, SET_WATCHDOG, set_watchdog, 1, 1, 1, 1, 0, 22, RANGE(0, 10000)) \
-  REQUEST(34, READ_CONFIG, read_config, 1, 1, 1, 0, 0, 23, RANGE(0, MRL_LAST_PARAMETER)) \
-  REQUEST(35, WRITE_CONFIG, write_config, 1, 2, 2, 1, 0, 24, RANGE(0, MRL_LAST_PARAMETER) ANY) \
-  REQUEST(36, SAVE_CONFIG, save_config, 1, 0, 0, 1, 0, 26) \
-  REQUEST(37, DEFAULT_CONFIG, default_config, 1, 0, 0, 1, 0, 26) \
+  QUERY(29, READ_PROTOCOL, read_protocol, 1, 0, 0, 0, 1, 21) \
+  QUERY(30, READ_STATUS, read_status, 1, 0, 0, 0, 1, 21) \
+  QUERY(31, READ_COUNTERS, read_counters, 1, 0, 0, 0, 1, 21) \
+  REQUEST(32, SET_CHECK, set_check, 1, 1, 1, 1, 1, 21, RANGE(0, 1)) \
+  REQUEST(33, SET_WATCHDOG, set_watchdog, 1, 1, 1, 1, 1, 22, RANGE(0, 10000)) \
+  REQUEST(34, READ_CONFIG, read_config, 1, 1, 1, 0, 1, 23, RANGE(0, MRL_LAST_PARAMETER)) \
+  REQUEST(35, WRITE_CONFIG, write_config, 1, 2, 2, 1, 1, 24, RANGE(0, MRL_LAST_PARAMETER) ANY) \
+  REQUEST(36, SAVE_CONFIG, save_config, 1, 0, 0, 1, 1, 26) \
+  REQUEST(37, DEFAULT_CONFIG, default_config, 1, 0, 0, 1, 1, 26) \
   REQUEST(38, SEND_XBEE, send_xbee, MRL_XBEE, 6, 13, 0, 0, 26, ANY ANY ANY ANY RANGE(1, 16) ANY ANY ANY ANY ANY ANY ANY ANY) \
-  NO_REQUEST(39, XBEE_TEXT, xbee_text, 1, 0, 0, 0, 0, 39) \
-  REQUEST(40, DISCOVER_XBEE, discover_xbee, MRL_XBEE, 0, 0, 0, 0, 39) \
-  QUERY(41, READ_LIGHT, read_light, MRL_ENVIRONMENT, 0, 0, 0, 0, 39) \
-  QUERY(42, READ_COMPASS, read_compass, MRL_ENVIRONMENT, 0, 0, 0, 0, 39) \
+  NO_REQUEST(39, XBEE_TEXT, xbee_text, 1, 0, 0, 0, 1, 39) \
+  REQUEST(40, DISCOVER_XBEE, discover_xbee, MRL_XBEE, 0, 0, 0, 1, 39) \
+  QUERY(41, READ_LIGHT, read_light, MRL_ENVIRONMENT, 0, 0, 0, 1, 39) \
+  QUERY(42, READ_COMPASS, read_compass, MRL_ENVIRONMENT, 0, 0, 0, 1, 39) \
   REQUEST(43, MOVE_OMNI, move_omni, 1, 3, 3, 2, 0, 39, RANGE(0, 100) RANGE(-100, 100) RANGE(0, 359)) \
-  REQUEST(44, START_OMNI_STREAM, start_omni_stream, 1, 0, 1, 0, 1, 42, RANGE(0, 10000)) \
-  REQUEST(45, SET_BAUD, set_baud, 1, 1, 1, 1, 0, 43, RANGE(0, 3)) \
-  REQUEST(46, READ_IMU, read_imu, 1, 0, 0, 0, 1, 44) \
+  REQUEST(44, START_OMNI_STREAM, start_omni_stream, 1, 0, 1, 0, 2, 42, RANGE(0, 10000)) \
+  REQUEST(45, SET_BAUD, set_baud, 1, 1, 1, 1, 1, 43, RANGE(0, 3)) \
+  REQUEST(46, READ_IMU, read_imu, 1, 0, 0, 0, 2, 44) \
   REQUEST(47, START_IMU_STREAM, start_imu_stream, 1, 1, 1, 0, 0, 44, RANGE(10, 10000)) \
   REQUEST(48, STOP_IMU_STREAM, stop_imu_stream, 1, 0, 0, 0, 0, 45) \
-  QUERY(49, READ_RADIO, read_radio, MRL_XBEE, 0, 0, 0, 0, 45) \
-  REQUEST(50, RELEASE_HOLD, release_hold, MRL_XBEE, 0, 0, 1, 0, 45) \
-  QUERY(51, READ_WIRING, read_wiring, MRL_BRIDGE, 0, 0, 0, 0, 45) \
-  REQUEST(52, SET_SERVO, set_servo, MRL_BRIDGE, 3, 3, 1, 0, 45, RANGE(1, 6) RANGE(500, 2500) RANGE(0, 32767)) \
-  QUERY(53, READ_BOARD, read_board, MRL_BRIDGE, 0, 0, 0, 0, 48) \
-  QUERY(54, READ_WHEELS, read_wheels, MRL_BRIDGE, 0, 0, 0, 1, 48) \
+  QUERY(49, READ_RADIO, read_radio, MRL_XBEE, 0, 0, 0, 1, 45) \
+  REQUEST(50, RELEASE_HOLD, release_hold, MRL_XBEE, 0, 0, 1, 1, 45) \
+  QUERY(51, READ_WIRING, read_wiring, MRL_BRIDGE, 0, 0, 0, 1, 45) \
+  REQUEST(52, SET_SERVO, set_servo, MRL_BRIDGE, 3, 3, 1, 1, 45, RANGE(1, 6) RANGE(500, 2500) RANGE(0, 32767)) \
+  QUERY(53, READ_BOARD, read_board, MRL_BRIDGE, 0, 0, 0, 1, 48) \
+  QUERY(54, READ_WHEELS, read_wheels, MRL_BRIDGE, 0, 0, 0, 2, 48) \
   REQUEST(55, START_WHEEL_STREAM, start_wheel_stream, MRL_BRIDGE, 0, 1, 0, 0, 48, RANGE(0, 10000)) \
   REQUEST(56, STOP_WHEEL_STREAM, stop_wheel_stream, 1, 0, 0, 0, 0, 49) \
   REQUEST(57, MOVE_TWIST, move_twist, MRL_BRIDGE, 3, 3, 2, 0, 49, ANY ANY ANY) \
   REQUEST(58, MOVE_WHEELS, move_wheels, MRL_BRIDGE, 4, 4, 2, 0, 52, RANGE(-100, 100) RANGE(-100, 100) RANGE(-100, 100) RANGE(-100, 100)) \
-  QUERY(59, READ_INPUTS, read_inputs, MRL_BRIDGE, 0, 0, 0, 0, 56) \
-  REQUEST(60, RELEASE_EMERGENCY, release_emergency, MRL_BRIDGE, 0, 0, 1, 0, 56) \
-  QUERY(61, READ_RANGES, read_ranges, MRL_BRIDGE, 0, 0, 0, 0, 56) \
-  QUERY(62, READ_VIRTUAL_POSE, read_virtual_pose, MRL_VIRTUAL, 0, 0, 0, 0, 56)
+  QUERY(59, READ_INPUTS, read_inputs, MRL_BRIDGE, 0, 0, 0, 1, 56) \
+  REQUEST(60, RELEASE_EMERGENCY, release_emergency, MRL_BRIDGE, 0, 0, 1, 1, 56) \
+  QUERY(61, READ_RANGES, read_ranges, MRL_BRIDGE, 0, 0, 0, 1, 56) \
+  QUERY(62, READ_VIRTUAL_POSE, read_virtual_pose, MRL_VIRTUAL, 0, 0, 0, 1, 56)
 
 // names of the reasons to refuse bytes, in the order of read_counters
 #define MRL_REASONS(REASON) \

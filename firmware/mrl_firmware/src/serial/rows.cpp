@@ -27,8 +27,9 @@ namespace {
 constexpr int16_t NO_ENCODERS = 999;  // value that sensor boards have sent instead of counters since 2013
 constexpr int16_t LAST_WITH_MOTORS = 5;
 
-#define STAMPED(code, constant, name, there, least, most, guarded, stamped, ...) stamped,
-const uint8_t STAMPED_ROWS[] PROGMEM = {MRL_COMMANDS(STAMPED, STAMPED, STAMPED)};
+constexpr uint8_t ANSWERED = 1, STAMPED = 2;  // values of `reply`
+#define REPLY(code, constant, name, there, least, most, guarded, reply, ...) reply,
+const uint8_t REPLIES[] PROGMEM = {MRL_COMMANDS(REPLY, REPLY, REPLY)};
 
 bool is_sensor_stream(uint8_t code) { return code == START_SENSOR_STREAM || code == START_SENSOR_LDR_STREAM; }
 
@@ -75,7 +76,9 @@ bool needs_counts(uint8_t code) {
          (MRL_BRIDGE && code == READ_WHEELS);
 }
 
-bool is_stamped(uint8_t code) { return flash_byte(&STAMPED_ROWS[code - 1]); }
+bool is_stamped(uint8_t code) { return flash_byte(&REPLIES[code - 1]) == STAMPED; }
+
+bool is_answered(uint8_t code) { return flash_byte(&REPLIES[code - 1]) == ANSWERED; }
 
 void want_sensors(uint8_t code) {
   if (sensors::ANY && code >= READ_ALCOHOL) sensors::want(sensor_of(code));

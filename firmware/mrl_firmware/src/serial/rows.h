@@ -11,6 +11,8 @@ enum class Readiness : uint8_t { ready, wait, impossible };
 bool needs_counts(uint8_t code);
 // True if the frame has a sequence number and the board time.
 bool is_stamped(uint8_t code);
+// True if the request has a reply, which has neither.
+bool is_answered(uint8_t code);
 // Requests the other values of the frame.
 void want_sensors(uint8_t code);
 // Whether all values except the counters are available.
