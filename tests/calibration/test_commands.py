@@ -32,6 +32,7 @@ from . import paths
 from .kit import calibrate
 
 END_M = 0.01
+STEPS = len(gain_procedures.MOTOR_BOARD.percents) + 2  # with the present and with the suggested gains
 BELIEVED = models.load("traxbot").drive
 
 
@@ -230,6 +231,21 @@ def test_a_front_sonar_that_often_gives_no_reading_does_not_let_the_robot_drive(
     monkeypatch.setattr(SteppedDriver, "wait", then_read)
     assert f"the front sonar {words}" in lab.refused("sonar", "--start", 1.5, "--step", 0.15, "--yes")
     assert lab.pose().x_m == pytest.approx(0.4, abs=END_M)
+
+
+def test_gains_with_which_a_wheel_did_not_turn_are_refused(lab, monkeypatch, tmp_path):
+    """A motor board does not stop by itself."""
+    step, calls = gain_procedures.step, []
+
+    def blocked_in_the_last(*args):
+        calls.append(args)
+        lab.emulated.plant.robot.motors[0].blocked = len(calls) == STEPS
+        return step(*args)
+
+    monkeypatch.setattr(gain_procedures, "step", blocked_in_the_last)
+    words = "the left wheel made 0 counts with the suggested gains, expected at least "
+    assert words in lab.refused("gains", "--yes")
+    assert not list(tmp_path.glob("*.yaml"))
 
 
 def test_gains_are_suggested_and_the_ramp_comes_back(lab):
