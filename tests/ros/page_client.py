@@ -40,6 +40,10 @@ class PageClient:
         """Send another message."""
         self._loop.call_soon_threadsafe(self._waiting.put_nowait, {"type": kind, **fields})
 
+    def release(self):
+        """Release the emergency stop that the newest message showed."""
+        self.say("release", heard=self._heard[0])
+
     def wait(self, condition, what="a message"):
         return wait_until(condition, step_s=0.02, what=f"{what} of the page")
 

@@ -90,7 +90,7 @@ def places(robot):
 
 def release(robot):
     """Release the emergency stop on the page, again until the page has answered that it knows of the stop."""
-    wait_until(lambda: robot.page.say("release") or not robot.page.last["helm"]["latched"], step_s=0.05)
+    wait_until(lambda: robot.page.release() or not robot.page.last["helm"]["latched"], step_s=0.05)
 
 
 def test_topics_are_those_of_the_table(robot):
