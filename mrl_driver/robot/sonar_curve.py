@@ -100,8 +100,8 @@ def require_wall(ranges_m: np.ndarray, valid: np.ndarray) -> None:
 def _require_curve(curve: Curve, r2: float) -> None:
     if not r2 >= LEAST_R2:
         raise ConfigError(
-            f"the readings do not follow the distances: R2 {r2:.3f}, expected at least {LEAST_R2:g}; did the robot "
-            "drive, and did the sonar see the wall?"
+            f"the readings do not follow the distances: R2 {r2:.3f}, expected at least {LEAST_R2:g}: see that the "
+            "robot drives, and that the sonar sees the wall"
         )
     nearest = curve.on_wire()
     if not np.allclose(curve, nearest, rtol=0, atol=1e-4):

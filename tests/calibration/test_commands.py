@@ -454,6 +454,17 @@ def test_an_interrupted_sonar_goes_on_where_it_was(lab, monkeypatch, tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["traxbot-1.yaml"]
 
 
+def test_a_sonar_run_that_is_refused_says_how_to_measure_again(lab):
+    """Its readings are kept; the wheels only spun."""
+    good = {"pose": "0.4,0,0", "footprint": "box"}
+    spins = tuple(f"wheel_slips:wheel={wheel},grip=0" for wheel in ("left", "right"))
+    lab.options = {**good, "sonar": "noise=0.01", "faults": spins}
+    assert lab.refused(*SONAR, "--yes").endswith("sees the wall; measure again with --restart")
+    lab.options = good
+    code, _, lines = lab.mrl(*SONAR, "--yes", "--restart")
+    assert code == 0, lines
+
+
 # -- the terminal, and what may be wrong with files
 
 

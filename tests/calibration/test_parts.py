@@ -78,7 +78,9 @@ def test_a_missing_wall_is_named_with_its_distance():
 def test_readings_that_do_not_follow_the_distances_give_no_curve(damage):
     rng = np.random.default_rng(1)
     counts, truth = readings(THESIS, rng)
-    with pytest.raises(ConfigError, match=r"R2 -?[01]\.\d+, expected at least 0\.95; did the robot drive"):
+    with pytest.raises(
+        ConfigError, match=r"R2 -?[01]\.\d+, expected at least 0\.95: see that the robot drives"
+    ):
         sonar_curve.fit(damage(counts, rng), truth)
 
 

@@ -172,7 +172,10 @@ def sonar(
         warn_of_distances(model)
         kept = f"{os.path.splitext(output)[0]}.sonar.csv"
         readings = _approach(driver, planned, kept, job)
-        result = _fitted(readings, curve_in_force(driver), model, output)
+        try:
+            result = _fitted(readings, curve_in_force(driver), model, output)
+        except ConfigError as error:  # the readings are kept, and would be refused again
+            raise ConfigError(f"{error}; measure again with --restart") from None
         job.finish(result)
         os.remove(kept)
         job.offer_eeprom(driver, result)
