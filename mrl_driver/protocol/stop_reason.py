@@ -79,14 +79,7 @@ _MEMBERS: Tuple[StopReason, ...] = tuple(StopReason)
 STOP_REASONS = _MEMBERS[: _MEMBERS.index(StopReason.EMERGENCY_STOP) + 1]
 """Reasons of the board, by their value in its status."""
 PASSING = (
-    *(
-        StopReason.NONE,
-        StopReason.USER,
-        StopReason.HOST,
-        StopReason.BOOT,
-        StopReason.RESTARTED,
-        StopReason.LINK_LOST,
-    ),
-    *(StopReason.NO_TELEMETRY, StopReason.LINK_WATCHDOG, StopReason.COMMAND_TIMEOUT, StopReason.HOST_PAUSED),
-)
+    StopReason.NONE, StopReason.USER, StopReason.HOST, StopReason.BOOT, StopReason.RESTARTED, StopReason.LINK_LOST,
+    StopReason.NO_TELEMETRY, StopReason.LINK_WATCHDOG, StopReason.COMMAND_TIMEOUT, StopReason.HOST_PAUSED,
+)  # fmt: skip
 """Stops for the link, after which a drive may go on; after all others somebody must look."""

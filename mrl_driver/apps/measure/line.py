@@ -11,6 +11,7 @@ from mrl_driver.errors import BoardTimeout
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, Garbage, encode_reply, encode_request
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.table import BY_NAME, TICK_S
+from mrl_driver.robot.odometry import Wheels
 from mrl_driver.session.board_clock import BoardClock
 from mrl_driver.transport.link import Link
 
@@ -29,7 +30,6 @@ delay the frames of this time [s]."""
 WATCHDOG_MS, TRIALS = 250, 3
 ROLL_S, STEADY_S, LONGEST_S = 1.6, 0.4, 1.2
 """Time to reach a speed also with weak gains and a weak battery, to measure it, and of the way to rest [s]."""
-SIDES = ("right", "left")
 Clock = Callable[[], float]
 FEED_S, SPEED_MM_S, LEAST_COUNTS_S = 0.1, 120, 25.0
 STOPS, STILL_S = 10, 0.1
@@ -334,11 +334,10 @@ def watchdog(line: Line) -> Row:
     whole = [(stopped, silent) for stopped, silent in tried if stopped and silent]
     if not whole:
         return absent("watchdog_ms", "answers were lost in each trial")
-    still = [
-        name for i, name in enumerate(SIDES) if min(each.wheels_s[i] for _, each in whole) < LEAST_COUNTS_S
-    ]
+    slowest = [min(speeds) for speeds in zip(*(silent.wheels_s for _, silent in whole))]
+    still = [name for name, counts_s in zip(Wheels._fields, slowest) if counts_s < LEAST_COUNTS_S]
     if still:
-        cause = "wheels_powerless" if len(still) == len(SIDES) else "wheel_dead"
+        cause = "wheel_dead" if len(still) < len(slowest) else "wheels_powerless"
         return failed("watchdog_ms", f"wheels that did not turn: {' and '.join(still)}", cause)
     times_ms = [1000 * (silent.counts - stopped.counts) / silent.counts_s for stopped, silent in whole]
     return Row("watchdog_ms", median(times_ms), WATCHDOG_MS, len(times_ms))

@@ -14,7 +14,6 @@ from .findings import OK, Finding, fault, note, ok
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
-SIDES = ("right", "left")
 WHEEL_M_S, TURN_S, REST_S = 0.1, 1.5, 2.0
 STEP_S, LONGEST = 0.02, 5
 """Time between two commands [s].  A step in which this computer or the board paused counts as at most two, and a turn
@@ -43,7 +42,7 @@ def check(driver: "Driver", ask: Optional[Ask]) -> Iterator[Finding]:
         state = driver.battery_state
         yield fault(f"battery_{state}", "wheels", f"not checked: the battery is {state}")
         return
-    for side in SIDES:
+    for side in Wheels._fields:
         finding = evaluate(side, turn(driver, side))
         if finding.level == OK and ask is not None and not ask(f"Did the {side} wheel turn forward, alone?"):
             finding = fault(
