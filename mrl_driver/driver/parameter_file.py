@@ -20,14 +20,12 @@ from mrl_driver.yaml_file import Reader
 from mrl_driver.yaml_form import Text, Whole
 
 from .driver import Driver
-from .parameters import CABLES
+from .parameters import CABLES, MOTORS
 
 LEAST_HOLD = round(FRESH_S / 0.1)
 """Smallest `radio_hold` but 0: below it, a board's host may release it while its holder still counts it as held."""
 SETTABLE: Tuple[Parameter, ...] = tuple(row for row in PARAMETERS if row.name != "robot_id")
 """All parameters but the robot id, which `mrl set-id` sets."""
-
-_MOTORS = {True: "an H-bridge", False: "a motor board"}
 
 
 class ParameterFile(NamedTuple):
@@ -62,7 +60,7 @@ def require_kind(file: ParameterFile, path: str, driver: Driver, other_robot: bo
         ConfigError: they are not; or they are for other motors, where the same numbers mean something else.
     """
     board = driver.board
-    theirs, ours = (_MOTORS["bridge" in each.capabilities] for each in (file, board))
+    theirs, ours = (MOTORS["bridge" in each.capabilities] for each in (file, board))
     if theirs != ours:
         raise ConfigError(
             f"{path} is of a board with {theirs}, but this board has {ours}: the same numbers mean other things there"

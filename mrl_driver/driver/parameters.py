@@ -4,7 +4,7 @@ import contextlib
 import math
 from typing import Dict, Iterable, Mapping, Optional, Tuple
 
-from mrl_driver.errors import BoardError, BoardRefused, MrlError
+from mrl_driver.errors import BoardError, BoardRefused, ConfigError, MrlError
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PINS, SETTINGS, Parameter
 from mrl_driver.robot import wiring
 from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, Chip
@@ -20,6 +20,14 @@ _READ, _WRITE, _SAVE, _DEFAULTS, _WIRING, _BOARD = (
 
 CABLES = ("bridge", "wiring", *(row.name for row in PINS))
 """Parameters that describe the cables of one robot."""
+_TURNING = (
+    "bridge",
+    wiring.NO_ENCODERS,
+    *(name for names in (*wiring.OUTPUTS, *wiring.ENCODERS) for name in names),
+)
+"""Parameters for which the wiring was measured."""
+MOTORS = ("a motor board", "an H-bridge")
+"""What a board drives its motors with, without and with the capability `bridge`."""
 
 
 SMALL = 0.02
@@ -166,29 +174,55 @@ class Parameters:
         if self._connection.ask(_SAVE, timeout_s=2.0) != (1,):
             raise BoardRefused("the board could not write its EEPROM; try again")
 
-    def save_model(self, robot_id: int, model: RobotModel) -> None:
+    def save_model(self, robot_id: int, model: RobotModel) -> bool:
         """Save the id and the model's parameters (the firmware may not know this model), and check them.
 
         A board with an H-bridge keeps its bridge, pins and wiring, unless the model sets them: they belong to its
         cables.
+
+        Returns:
+            Whether the wiring must be found again, see `replace`.
+
+        Raises:
+            ConfigError: the model is that of a robot with other motors, where the same numbers mean something else.
         """
         self.require_eeprom()
+        there, expected = (
+            MOTORS[bool(each)]
+            for each in ("bridge" in self._connection.board.capabilities, model.board.get("bridge"))
+        )
+        if there != expected:
+            raise ConfigError(
+                f"the robot model {model.name} has {expected}, but this board has {there}: the same numbers mean other "
+                "things there; name another model, or upload the firmware of this one with: mrl flash"
+            )
         wanted = {
             name: value for name, value in model.board.items() if not (self._virtual and name in CABLES)
         }
         self.require(wanted)
         kept = self.read(*(row.name for row in self.rows if row.name in CABLES and row.name not in wanted))
-        values = {"robot_id": robot_id, **kept, **wanted}
+        unknown = self._unknown_wiring(wanted)
+        values = {"robot_id": robot_id, **kept, **wanted, **unknown}
         self.write({"robot_id": robot_id})
         if self._connection.ask(_DEFAULTS) != (1,):
             raise BoardRefused("the board refused to set its defaults; try again")
         self.write(values)  # the id again: a board that has restarted meanwhile has that of before
         self.save()
         self._require_values(values)
+        return bool(unknown)
 
-    def replace(self, values: Mapping[str, int], saved: bool = True) -> None:
-        """Set parameters, save them if `saved`, and check them.  A refusal leaves the old ones in force."""
+    def replace(self, values: Mapping[str, int], saved: bool = True) -> bool:
+        """Set parameters, save them if `saved`, and check them.  A refusal leaves the old ones in force.
+
+        A wiring that was found with another bridge or other pins of a motor or an encoder does not hold any more: it
+        becomes 0, unless `values` has one, and the board refuses to move until it is found again.
+
+        Returns:
+            Whether the wiring must be found again.
+        """
         self.require_eeprom()
+        unknown = self._unknown_wiring(values)
+        values = {**values, **unknown}
         old = self.read(*values)
         try:
             self.write({name: value for name, value in values.items() if value != old[name]})
@@ -200,6 +234,15 @@ class Parameters:
         if saved:
             self.save()
             self._require_values(values)
+        return bool(unknown)
+
+    def _unknown_wiring(self, values: Mapping[str, int]) -> Dict[str, int]:
+        names = [name for name in _TURNING if name in values]
+        if "wiring" in values or not names:
+            return {}
+        old = self.read("wiring", *names)
+        changed = any(values[name] != old[name] for name in names)
+        return {"wiring": 0} if changed and old["wiring"] else {}
 
     def _require_values(self, values: Mapping[str, int]) -> None:
         for name, found in self.read(*values).items():

@@ -61,9 +61,9 @@ def probe(port: str, baud: int = BAUD, wait_s: float = TIMEOUT_S) -> Answer:
     """Ask one port; takes up to `wait_s` [s] if nothing answers."""
     try:
         board = board_on(port, baud, wait_s)
+        name = models.by_id(board.robot_id)
     except MrlError as error:
         return Answer(error=str(error))
-    name = models.by_id(board.robot_id)
     if name and not models.load(name).drives:
         board = without_motor_board(board)
     return Answer(board.robot_id, name, board.version, board.battery_v, tuple(sorted(board.capabilities)))

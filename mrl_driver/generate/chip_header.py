@@ -39,7 +39,6 @@ def _rows(chip: Chip) -> List[str]:
         "SERIAL_OUT": chip.serial[1],
         "I2C_DATA": chip.bus[0],
         "I2C_CLOCK": chip.bus[1],
-        "NO_ENCODER_PIN": chip.no_encoder,
     }
     return [
         " \\\n".join(["#define MRL_CHIP_PINS(PIN)", *rows]),

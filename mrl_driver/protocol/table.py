@@ -410,8 +410,9 @@ FAULTS: Tuple[Tuple[str, str], ...] = (
     ("wiring", "The bridge or its wiring is not set; the board refuses to move."),
     ("imu", "The IMU has answered, and does not any more."),
 )
-BRIDGES: Tuple[str, ...] = ("unset", "vnh5019", "cytron", "l298n", "tb6612", "drv8833", "bts7960", "l298n_enable")
-"""Bridge chips of parameter 19; l298n has PWM on its inputs, l298n_enable on its enable."""
+BRIDGES: Tuple[str, ...] = ("unset", "vnh5019", "cytron", "l298n", "tb6612", "drv8833", "bts7960", "l298n_enable",
+                            "l298p", "l298p_brake")
+"""Bridge chips of parameter 19; l298n has PWM on its inputs, l298n_enable and shields with an L298P on its enable."""
 WIRING: Tuple[Tuple[str, str], ...] = (
     ("set", "The wiring is known; without this bit the board refuses to move."),
     ("motors_swapped", "Motor output 1 drives the right wheel, and 3 the left one."),
@@ -435,8 +436,8 @@ WIRING_PROBLEMS: Tuple[Tuple[str, str], ...] = (
     ("serial_pin", "The serial link has D0 and D1."),
     ("pin_used_twice", "Another function has the same pin."),
     ("no_pwm", "The function needs PWM, and no timer makes it on this pin."),
-    ("led_pin", "The bootloader moves this pin, with the LED: a motor could turn, a switch would short it."),
-    ("no_interrupt", "An encoder needs a pin with an interrupt, and without an LED; an echo needs one, too."),
+    ("led_pin", "The bootloader moves this pin, with the LED: a motor could turn, a switch or sensor would short it."),
+    ("no_interrupt", "An encoder needs a pin with an interrupt; an echo needs one, too."),
     ("no_analog", "The function needs an analog input, as a range without a trigger does."),
     ("bus_pin", "The I2C bus is in use and has this pin."),
     ("no_servo", "Servo pulses need an output of a 16-bit timer that makes no PWM for a motor."),

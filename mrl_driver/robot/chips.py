@@ -44,8 +44,6 @@ class Chip(NamedTuple):
     serial: Tuple[int, int]
     bus: Tuple[int, int]
     """SDA and SCL."""
-    no_encoder: int
-    """Pin whose LED may load an encoder too much (Nano); `NONE` if the boards have an amplifier before the LED."""
     analog: int
     """Number of A0."""
     flash_bytes: int
@@ -103,7 +101,6 @@ ATMEGA328P = Chip(
     led=13,
     serial=(0, 1),
     bus=(18, 19),
-    no_encoder=13,
     analog=14,
     flash_bytes=32 * 1024,
     eeprom_bytes=1024,
@@ -126,7 +123,6 @@ ATMEGA2560 = Chip(
     led=13,
     serial=(0, 1),
     bus=(20, 21),
-    no_encoder=NONE,
     analog=54,
     flash_bytes=256 * 1024,
     eeprom_bytes=4 * 1024,

@@ -33,17 +33,21 @@ class Wires(NamedTuple):
     """One that is high if it is not connected: its jumper, or a wire to 5 V."""
     fast: bool = False
     """Its PWM has a mode in which a timer can be the clock as well."""
+    coasts: bool = False
+    """The motor coasts between the pulses: its speed is not in proportion to the duty."""
 
 
 A, B, LOGIC = range(3)
 BRIDGE_WIRES: Dict[str, Wires] = {
-    "vnh5019": Wires(("PWM", "INA", "INB"), (A, B, LOGIC), (A,), fast=True),
+    "vnh5019": Wires(("PWM", "INA", "INB"), (A, B, LOGIC), (A,), fast=True, coasts=True),
     "cytron": Wires(("PWM", "brake", "DIR"), (A, LOGIC), (A,), fast=True),
     "l298n": Wires(("EN", "IN1", "IN2"), (B, LOGIC), (B,), tied=A),
     "tb6612": Wires(("PWM", "IN1", "IN2"), (A, B, LOGIC), (A,)),
     "drv8833": Wires(("IN1", "IN2", "enable"), (A, B), (A, B), tied=LOGIC),
     "bts7960": Wires(("RPWM", "LPWM", "enable"), (A, B), (A, B), tied=LOGIC, fast=True),
-    "l298n_enable": Wires(("EN", "IN1", "IN2"), (A, B, LOGIC), (A,)),
+    "l298n_enable": Wires(("EN", "IN1", "IN2"), (A, B, LOGIC), (A,), coasts=True),
+    "l298p": Wires(("PWM", "", "DIR"), (A, LOGIC), (A,), coasts=True),
+    "l298p_brake": Wires(("PWM", "brake", "DIR"), (A, B, LOGIC), (A,), coasts=True),
 }
 OUTPUTS = [[f"pin_{wheel}_{wire}" for wire in ("pwm_a", "pwm_b", "logic")] for wheel in WHEELS]
 ENCODERS = [[f"pin_{wheel}_encoder_{channel}" for channel in "ab"] for wheel in WHEELS]
@@ -237,26 +241,19 @@ def _used_twice(facts: _Facts) -> Found:
 def _led_pin(facts: _Facts) -> Found:
     """Other functions may move with the LED: while all other inputs are low, the bridge does not drive.
 
-    A switch to ground is a short circuit of a pin that the bootloader drives.
+    A switch to ground, an encoder or an echo is a short circuit of a pin that the bootloader drives.
     """
     for names in OUTPUTS:
         open_enable = facts.wires.tied == A and facts.pins[names[A]] == NOT_CONNECTED
         drives = (*facts.wires.pwm, *([LOGIC] if open_enable else []))
         yield from ((names[wire],) for wire in drives if facts.pins[names[wire]] == facts.chip.led)
-    yield from ((name,) for name in STOP_INPUTS if facts.pins[name] == facts.chip.led)
+    driven = {*STOP_INPUTS, *facts.echoes(timed=True), *(name for names in ENCODERS for name in names)}
+    yield from ((name,) for name, pin in facts.connected() if name in driven and pin == facts.chip.led)
 
 
 def _no_interrupt(facts: _Facts) -> Found:
-    silent: List[str] = []
-    for names in ENCODERS:
-        for name, needs in zip(names, (True, False)):
-            pin = facts.pins[name]
-            connected = pin != NOT_CONNECTED
-            if connected and (pin == facts.chip.no_encoder or (needs and not facts.of(pin).interrupts)):
-                silent.append(name)
-    echoes = facts.echoes(timed=True)
-    silent += [name for name, pin in facts.connected() if name in echoes and not facts.of(pin).interrupts]
-    return ((name,) for name in sorted(silent, key=_number))
+    timed = {*facts.echoes(timed=True), *(channel_a for channel_a, _ in ENCODERS)}
+    return ((name,) for name, pin in facts.connected() if name in timed and not facts.of(pin).interrupts)
 
 
 def _no_analog(facts: _Facts) -> Found:

@@ -42,6 +42,8 @@ _PINS: Dict[str, Tuple[str, str, str, str]] = {
     "drv8833": ("1R1", "R11", "111", "000"),
     "bts7960": ("1R1", "R11", "111", "000"),
     "l298n_enable": ("D10", "D01", "111", "000"),
+    "l298p": ("D00", "D01", "", ""),
+    "l298p_brake": ("D00", "D01", "111", "000"),
 }
 """Pins while a motor is driven forward, driven backward, brakes and coasts: low, high, duty D or the rest R to 255.
 

@@ -61,6 +61,7 @@ def _shares(bridge: Bridge, *duties: float) -> Shares:
 # L298N: ST L298, January 2000, figure 6: wires EN, IN1, IN2.  EN low is free running, equal inputs are a fast motor
 # stop.  Saturation of both transistors: typically 2.55 V at 1 A and 3.7 V at 2 A.
 _L298N = Bridge((("0xx", C), ("110", F), ("101", B), ("111", K), ("100", K)), 1.15, 1.4)
+_L298P = _L298N._replace(rows=(("0xx", C), ("11x", K), ("100", F), ("101", B)))
 BRIDGES: Dict[int, Bridge] = {
     # VNH5019: ST VNH5019A-E, Doc ID 15701 Rev 7, table 11: wires PWM, INA, INB.  Section 2.4: PWM low turns both
     # low-side switches off, so PWM is drive and coast; both inputs high brake to the supply whatever PWM is.
@@ -81,5 +82,9 @@ BRIDGES: Dict[int, Bridge] = {
     # INH is high each half bridge has one switch on.  16 mOhm: its first page.
     6: Bridge((("xx0", C), ("10x", F), ("01x", B), ("11x", K), ("00x", K)), 0.016),
     7: _L298N,  # PWM on EN
+    # Shields with an L298P: wires PWM (EN), brake, DIR.  Arduino, schematic of the Motor Shield Rev3: IN1 is DIR, IN2
+    # its inverse, and the same as IN1 while the brake is high.  EN low is free running whatever the brake is.
+    8: _L298P,
+    9: _L298P,
 }
 """The bridges by the value of parameter 19."""

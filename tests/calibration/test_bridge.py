@@ -15,7 +15,7 @@ from mrl_driver.apps.calibration.wiring_check import BITS, SET, SINGLE_CHANNEL, 
 from mrl_driver.cli import main
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import WheelFault
+from mrl_driver.errors import ConfigError, WheelFault
 from mrl_driver.robot import models, wiring
 from sim_arduino.serve import factory
 from tests.models import four_wheels
@@ -219,14 +219,34 @@ def test_what_is_not_connected_is_named(bench, part, number, words):
 
 
 @pytest.mark.parametrize("model", [MODEL, MODEL._replace(board={**MODEL.board, "wiring": 33})])
-def test_a_new_id_leaves_bridge_and_wiring_as_they_are(model):
-    """They belong to the cables; only a model that names a wiring sets it."""
-    kit = Kit(wiring=37, bridge=3)
-    board = {name: value for name, value in model.board.items() if name != "bridge"}
+def test_a_new_id_leaves_the_wiring_as_it_is(model):
+    """It belongs to the cables; only a model that names a wiring sets it."""
+    kit = Kit(wiring=37, bridge=model.board["bridge"])
     with SteppedDriver(kit, model) as driver:
-        driver.parameters.save_model(24, model._replace(board=board))
-    assert (kit.saved["robot_id"], kit.saved["bridge"]) == (24, 3)
-    assert kit.saved["wiring"] == model.board.get("wiring", 37)
+        assert not driver.parameters.save_model(24, model)
+    assert (kit.saved["robot_id"], kit.saved["wiring"]) == (24, model.board.get("wiring", 37))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda board: board.save_model(24, MODEL),
+        lambda board: board.replace({"bridge": MODEL.board["bridge"]}),
+    ],
+    ids=["model", "parameter"],
+)
+def test_a_wiring_that_was_found_with_another_bridge_does_not_hold(change):
+    kit = Kit(wiring=37, bridge=MODEL.board["bridge"] - 1)
+    with SteppedDriver(kit, MODEL) as driver:
+        assert change(driver.parameters)
+    assert kit.saved["wiring"] == 0
+
+
+def test_a_board_with_bridges_does_not_get_the_parameters_of_a_motor_board():
+    kit = Kit(wiring=37)
+    with SteppedDriver(kit, MODEL) as driver, pytest.raises(ConfigError, match="has a motor board, but this"):
+        driver.parameters.save_model(1, models.load("traxbot"))
+    assert kit.saved["wiring"] == 37
 
 
 OVERSHOOT, SETTLED_S, OFFSET = 0.05, 0.25, 0.01

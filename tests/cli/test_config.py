@@ -388,6 +388,17 @@ ROVER = [
 ]
 
 
+def test_a_new_robot_has_no_id_of_another_one():
+    assert "--id is 23, the id of duo, expected a free one, such as 11" in fails(
+        2, "new", "rover", *ROVER, "--id", 23
+    )
+
+
+def test_a_bridge_that_coasts_is_named_if_nothing_measures_the_speed():
+    chosen = [*ROVER[:4], "--wiring", "ardumoto", "--no-encoders", "--file-only", "--yes"]
+    assert "without encoders slow commands drive much too fast" in mrl("new", "rover", *chosen).stderr
+
+
 def test_the_options_make_a_robot_that_all_programs_know():
     done = mrl("new", "rover", *ROVER, "--yes")
     assert done.returncode == 0 and "all programs know the robot as --robot rover" in done.stdout
@@ -544,8 +555,8 @@ def test_what_an_option_gives_is_the_default_of_its_question(tmp_path):
             "rover.yaml: wiring has right_encoder_b, but not left_encoder_b, expected all or none",
         ),
         (
-            ("rover", "--yes", *ROVER, "--counts", "16"),
-            "give 45 counts/s at most, expected 51 to 25600: the board cannot control that",
+            ("rover", "--yes", *ROVER, "--counts", "100000"),
+            "give 51 mm/s at most, expected at least 65: the board cannot control that",
         ),
         (
             ("rover", "--yes", *ROVER, "--pin", "battery=A7"),

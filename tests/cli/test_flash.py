@@ -295,15 +295,16 @@ def test_without_a_port_the_only_arduino_is_taken(monkeypatch):
 
 
 def test_an_h_bridge_board_gets_the_pins_of_its_robot(stand_in, image):
-    """One with pins of another wiring says what is wrong, and drives after the upload."""
+    """One with pins of another wiring says what is wrong, and drives when its wiring is known again."""
     stand_in()
     with EmulatedBoard(robot="duo") as board:
         pins = ("pin_left_pwm_a", "4", "pin_right_encoder_b", "-1")
-        assert mrl("config", "set", *pins, "--yes", "--port", board.port).returncode == 0
+        assert "mrl calibrate wiring" in mrl("config", "set", *pins, "--yes", "--port", board.port).stderr
         words = "left_encoder_b is on D4, as left_pwm_a: another function has the same pin"
         assert words in mrl("info", "--port", board.port).stdout
         assert words in mrl("doctor", "--port", board.port).stdout
         done = mrl("flash", "--port", board.port, "--image", image, "--yes")
         assert done.stdout.endswith("robot 23 answers with firmware 2; its pins are those of duo\n")
+        assert mrl("config", "set", "wiring", "1", "--yes", "--port", board.port).returncode == 0
         assert "wiring" not in json.loads(mrl("info", "--json", "--port", board.port).stdout)
         assert mrl("drive", "--linear", "0.1", "--for", "0.2", "--yes", "--port", board.port).returncode == 0

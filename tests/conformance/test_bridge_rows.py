@@ -262,7 +262,7 @@ def test_a_stop_brakes_or_coasts_if_the_chip_can_and_may(make, chip, mode):
     bench.ask("move_motors", 60, -60, wait_s=0.1)
     bench.ask("stop")
     shares = [bench.plant.bridge.motor(wheel).shares for wheel in (0, 1)]
-    coasts = mode == 1 and chip in COASTING
+    coasts = chip == "l298p" or (mode == 1 and chip in COASTING)
     assert [each.coast if coasts else each.brake for each in shares] == [1.0, 1.0]
 
 

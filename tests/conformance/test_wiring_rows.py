@@ -51,7 +51,7 @@ def test_a_wiring_drives(make, row):
         ({"pin_battery": 1}, (3, number("battery"), -1)),
         ({"pin_left_encoder_b": 7}, (4, number("left_encoder_b"), number("left_logic"))),
         ({"pin_left_pwm_a": 12, "pin_sonar_trigger": 5}, (5, number("left_pwm_a"), -1)),
-        ({"pin_right_encoder_b": 13, "pin_sonar_power": -1}, (7, number("right_encoder_b"), -1)),
+        ({"pin_right_encoder_b": 13, "pin_sonar_power": -1}, (6, number("right_encoder_b"), -1)),
         ({"pin_right_logic": 19}, (9, number("right_logic"), -1)),
         ({"pin_emergency_stop": 13, "pin_sonar_power": -1}, (6, number("emergency_stop"), -1)),
     ],

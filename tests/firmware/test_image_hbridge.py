@@ -274,7 +274,7 @@ PWM_HZ = {
     "tb6612": 31372.5,
     "drv8833": 31372.5,
     "bts7960": 7812.5,
-    "l298n_enable": 3921.6,
+    **dict.fromkeys(("l298n_enable", "l298p", "l298p_brake"), 3921.6),
 }
 
 

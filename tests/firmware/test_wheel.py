@@ -224,7 +224,7 @@ def test_pins_are_those_of_the_truth_table():
             assert found == pwm_a << 16 | pwm_b << 8 | logic, (chip, backward, duty, coast)
 
 
-RATES = {"l298n": 0, "tb6612": 2, "drv8833": 2, "vnh5019": 1, "cytron": 1, "bts7960": 1}
+RATES = {"l298n": 0, "l298p": 0, "tb6612": 2, "drv8833": 2, "vnh5019": 1, "cytron": 1, "bts7960": 1}
 
 
 def test_each_chip_gets_the_fastest_pwm_that_it_bears():

@@ -362,6 +362,14 @@ def test_a_broken_file_with_the_name_of_the_robots_model_is_an_error(own):
         models.by_id(1)
 
 
+def test_an_id_that_two_files_of_the_user_list_is_an_error(own):
+    """Programs would take one robot for the other."""
+    for name in ("rover", "twin"):
+        (own / f"{name}.yaml").write_text(kit.text_of(ROVER._replace(name=name)))
+    with pytest.raises(ConfigError, match="robot id 11 is listed by the models rover and twin, expected one"):
+        models.by_id(11)
+
+
 ROVER = Kit("rover", 11, 65.0, 150.0, 1496.0, "tb6612", wirings.load("mrl_duo").pins)
 
 
@@ -383,6 +391,11 @@ def test_a_new_robot_has_no_wiring():
 def test_each_bridge_makes_a_model_with_the_wiring(bridge):
     board = kit.model_of(ROVER._replace(bridge=bridge)).board
     assert board["bridge"] == BRIDGES.index(bridge) and wiring.of_board(board) == ROVER.pins
+
+
+@pytest.mark.parametrize(("counts", "full_speed"), [(1496, 170), (9600, 160), (16, 192)])
+def test_a_new_robot_has_an_assumed_speed_that_its_board_can_control(counts, full_speed):
+    assert kit.model_of(ROVER._replace(counts_per_turn=counts)).board["full_speed"] == full_speed
 
 
 WITH_SERVOS = ROVER._replace(

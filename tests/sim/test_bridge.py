@@ -101,6 +101,7 @@ TABLES = {
     "drv8833": "coast coast coast backward coast forward coast brake",
     "bts7960": "coast brake coast backward coast forward coast brake",
     "l298n_enable": "coast coast coast coast brake backward forward brake",
+    **dict.fromkeys(("l298p", "l298p_brake"), "coast coast coast coast forward backward brake brake"),
 }
 """States at 000, 001, ... 111 of the wires PWM_A, PWM_B, LOGIC, copied from the data sheets named in `bridge.py`."""
 
@@ -114,9 +115,12 @@ def test_the_states_are_those_of_the_data_sheet(name):
     assert [bridge(name).state(levels) for levels in LEVELS] == TABLES[name].split()
 
 
-FORWARD = {"cytron": (0.0, 0.0), **dict.fromkeys(("drv8833", "bts7960"), (0.0, 1.0))}
+FORWARD = {
+    **dict.fromkeys(("cytron", "l298p", "l298p_brake"), (0.0, 0.0)),
+    **dict.fromkeys(("drv8833", "bts7960"), (0.0, 1.0)),
+}
 """Wires B and LOGIC for a drive forward; the other bridges need B high."""
-BETWEEN = dict.fromkeys(("vnh5019", "l298n", "l298n_enable", "drv8833"), "coast")
+BETWEEN = dict.fromkeys(("vnh5019", "l298n", "l298n_enable", "l298p", "l298p_brake", "drv8833"), "coast")
 """What these bridges do between two pulses; the others brake."""
 
 

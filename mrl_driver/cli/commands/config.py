@@ -82,9 +82,10 @@ def set_(run: Run, words: Tuple[str, ...], only_try: bool) -> None:
     with _connected(run) as driver:
         changes = _changes(driver.parameters.read(*wanted), wanted)
         run.confirm(f"Change {changes} on robot {driver.board.robot_id}?")
-        driver.parameters.replace(wanted, saved=not only_try)
+        unknown = driver.parameters.replace(wanted, saved=not only_try)
         values = _values(driver, [PARAMETER_BY_NAME[name] for name in wanted])
     run.print(values, f"{changes}: {_kept(only_try)}")
+    shared.report_unknown_wiring(unknown, run.target.port)
 
 
 @config.command("save")
@@ -113,8 +114,9 @@ def defaults(run: Run) -> None:
         assert driver.model is not None
         robot_id, model = driver.board.robot_id, driver.model
         run.confirm(f"Set all parameters of robot {robot_id} but its id to those of the model {model.name}?")
-        driver.parameters.save_model(robot_id, model)
+        unknown = driver.parameters.save_model(robot_id, model)
     click.echo("the defaults are saved")
+    shared.report_unknown_wiring(unknown, run.target.port)
 
 
 @config.command()

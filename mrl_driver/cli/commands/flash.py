@@ -12,7 +12,15 @@ from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, CHIPS, Chip
 from mrl_driver.robot.models import ENVIRONMENT, SONAR
 
 from .progress import progress, waiting
-from .shared import Run, choose, json_option, run_options, wait_until, yes_option
+from .shared import (
+    Run,
+    choose,
+    json_option,
+    report_unknown_wiring,
+    run_options,
+    wait_until,
+    yes_option,
+)
 
 if TYPE_CHECKING:
     from mrl_driver.driver.probe import Answer
@@ -239,10 +247,11 @@ def _store_wiring(run: Run) -> str:
         if model is None or wiring.NAMES[0] not in model.board:
             return ""
         wanted = {name: model.board[name] for name in CABLES if name in model.board}
-        driver.parameters.replace(wanted)
+        unknown = driver.parameters.replace(wanted)
         # A board reports once more what was wrong meanwhile: the next program would take that for the present.
         old = driver.status
-        wait_until(driver, lambda: driver.status is not old and _is_wired(driver.status), 2.5)
+        wait_until(driver, lambda: driver.status is not old and (unknown or _is_wired(driver.status)), 2.5)
+        report_unknown_wiring(unknown, run.target.port)
         return f"; its pins are those of {model.name}"
 
 

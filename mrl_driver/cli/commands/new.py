@@ -15,7 +15,7 @@ from mrl_driver.robot import models
 from mrl_driver.robot.models import kit
 from mrl_driver.robot.models.drives import DIFFERENTIAL, FOUR_WHEELS, MECANUM
 from mrl_driver.robot.models.kit import Kit
-from mrl_driver.robot.wiring import FRONT, NO_ENCODERS, encoder_pins
+from mrl_driver.robot.wiring import BRIDGE_WIRES, FRONT, NO_ENCODERS, encoder_pins
 
 from .new_wiring import add_options, show_wires, wiring_of
 from .shared import Between, complete_port, confirm, print_message, require_device, yes_option
@@ -113,6 +113,10 @@ def new(name: Optional[str], file_only: bool, **options: Any) -> None:
     replace_file(path, text)
     click.echo(f"{path} is written; all programs know the robot as --robot {model.name}")
     show_wires(made)
+    if made.pins[NO_ENCODERS] and BRIDGE_WIRES[made.bridge].coasts:
+        print_message(
+            f"with {made.bridge} motors coast between the pulses: without encoders slow commands drive much too fast"
+        )
     if port:
         _set_up(made, path, port, options)
 
@@ -164,7 +168,17 @@ def _kit(name: str, options: Mapping[str, Any]) -> Kit:
         base_mm = _number(options, "wheelbase", _BASE, "Wheelbase [mm]", kit.SEPARATION_MM)
     bridge, pins, chip, sonars = wiring_of(options, len(WHEELS) if kind in FOUR_WHEELS else FRONT)
     robot_id = options["robot_id"] or kit.free_id()
+    _require_free(robot_id)
     return Kit(name, robot_id, diameter_mm, separation_mm, counts, bridge, pins, chip, kind, base_mm, sonars)
+
+
+def _require_free(robot_id: int) -> None:
+    """Refuse an id by which programs would take this robot for another one."""
+    other = models.by_id(robot_id)
+    if other:
+        raise ConfigError(
+            f"--id is {robot_id}, the id of {other}, expected a free one, such as {kit.free_id()}"
+        )
 
 
 def _asked(value: Optional[Answer], option: str, picture: str, ask: Callable[[], Answer]) -> Answer:

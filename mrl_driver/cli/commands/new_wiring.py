@@ -17,9 +17,11 @@ from .shared import agrees, choose, print_message
 
 CHIPS = {
     "vnh5019": "Pololu's VNH5019 shield or carrier, VNH2SP30: inputs INA, INB, PWM",
-    "cytron": "Cytron's MD10C, MD13S, MDD10A, shields with an L298P: inputs PWM, DIR, and perhaps a brake",
+    "cytron": "Cytron's MD10C, MD13S, MDD10A: inputs PWM, DIR",
     "l298n": "modules with an L298N and PWM on IN1: inputs EN, IN1, IN2; remove the jumpers of EN",
     "l298n_enable": "the same with PWM on EN",
+    "l298p": "shields with an L298P: inputs PWM, DIR; motors coast between the pulses and at rest",
+    "l298p_brake": "the same with a brake, as the Arduino Motor Shield R3: inputs PWM, brake, DIR",
     "tb6612": "carriers of the TB6612FNG: inputs PWM, IN1, IN2; connect STBY to 5 V, or to a pin",
     "drv8833": "carriers of the DRV8833: two inputs a motor",
     "bts7960": "modules with two BTS7960 (IBT-2), Cytron's MDD3A: inputs RPWM, LPWM",
@@ -275,7 +277,7 @@ def _ask(wired: Wired, wheels: int) -> None:
     facts = {
         "pins": f"2 to {chip.analog - 1} and A0 to {chip.label(len(chip.pins) - 1)}",
         "pwm": _list(chip, lambda pin: pin.timer >= 0),
-        "encoder": _list(chip, lambda pin: pin.interrupts and chip.pins.index(pin) != chip.no_encoder),
+        "encoder": _list(chip, lambda pin: pin.interrupts and pin is not chip.pins[chip.led]),
     }
     click.echo(_PICTURE.format(*wires.inputs, bridge=bridge.upper(), **facts), err=True)
     bus = ", ".join(map(chip.label, chip.bus))
@@ -313,7 +315,7 @@ def _ask_sonars(wired: Wired) -> None:
     ):
         return
     analog = _list(wired.chip, lambda pin: pin.channel >= 0)
-    echo = _list(wired.chip, lambda pin: pin.interrupts)
+    echo = _list(wired.chip, lambda pin: pin.interrupts and pin is not wired.chip.pins[wired.chip.led])
     click.echo(_SONAR_PICTURE.format(echo=echo, analog=analog), err=True)
     kinds = click.Choice([*SONAR_WIRES, "none"], case_sensitive=False)
     for place in SONAR_PLACES:

@@ -7,7 +7,7 @@ from mrl_driver.host import named_robots
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
 
-from .shared import confirm, connected, robot_options, yes_option
+from .shared import confirm, connected, report_unknown_wiring, robot_options, yes_option
 
 
 @click.command("set-id")
@@ -35,8 +35,9 @@ def set_id(target: Target, robot_id: int, yes: bool) -> None:
         there = driver.board.robot_id
         if there:
             confirm(f"The board is robot {there}. Store id {robot_id} and parameters of {model.name}?", yes)
-        driver.parameters.save_model(robot_id, model)
+        unknown = driver.parameters.save_model(robot_id, model)
     if target.name:
         named = named_robots.read()
         named_robots.write({**named, target.name: named[target.name]._replace(id=robot_id)})
     click.echo(f"robot id {robot_id} is set")
+    report_unknown_wiring(unknown, target.port)

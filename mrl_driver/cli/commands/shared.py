@@ -271,6 +271,15 @@ def _require_wiring(driver: "Driver") -> None:
         raise error
 
 
+def report_unknown_wiring(unknown: bool, port: object) -> None:
+    """Say what must be done after a change of pins, see `Parameters.replace`."""
+    if unknown:
+        print_message(
+            "the wiring was found with other pins, and the board refuses to move until it is found again: "
+            f"mrl calibrate wiring --port {port}"
+        )
+
+
 def report_events(driver: "Driver", *kinds: type) -> None:
     """Print a line for each event of these kinds."""
     driver.on_event(lambda event: print_message(str(event)) if isinstance(event, kinds) else None)

@@ -31,6 +31,7 @@ from .robot_model import (
     BOARD_KEYS,
     BUILDS,
     COMMON_BOARD,
+    CONTROLLED,
     CURVE_KEYS,
     ENVIRONMENT,
     OF_CONTROL,
@@ -134,11 +135,17 @@ def by_id(robot_id: int) -> str:
     """Return the name of the model that lists `robot_id`, the user's own first; empty if none does.
 
     An invalid file in the user's folder is logged and skipped; it raises ConfigError if it has the name of the packaged
-    model that lists the id.
+    model that lists the id.  So do two files there that list it.
     """
     own = _names_in(own_folder())
-    ordered = [*own, *(name for name in packaged() if name not in own)]
-    return next((name for name in ordered if _lists(name, robot_id)), "")
+    found = [name for name in own if _lists(name, robot_id)]
+    if len(found) > 1:
+        raise ConfigError(
+            f"robot id {robot_id} is listed by the models {' and '.join(found)}, expected one: change ids in "
+            f"{own_folder()}, or name the robot with --robot"
+        )
+    ordered = (*found, *(name for name in packaged() if name not in own and _lists(name, robot_id)))
+    return next(iter(ordered), "")
 
 
 def _lists(name: str, robot_id: int) -> bool:

@@ -10,7 +10,7 @@ from mrl_driver.robot import wiring
 from mrl_driver.robot.chips import ATMEGA328P, Chip
 from mrl_driver.yaml_form import schema_line
 
-from . import RANGE_KINDS, SCHEMA, RobotModel, load, load_packaged, names, parse
+from . import CONTROLLED, RANGE_KINDS, SCHEMA, RobotModel, load, load_packaged, names, parse
 from .drives import DIFFERENTIAL, FOUR_WHEELS, MECANUM, SKID
 
 LEAST_ID = 11  # ids below belong to the robots of the papers
@@ -111,10 +111,19 @@ def free_id() -> int:
 def text_of(kit: Kit) -> str:
     """Return the YAML file of a new robot."""
     like = load_packaged(LIKE)
-    full_mm_s = like.board["full_speed"] / 60 * math.pi * kit.wheel_diameter_mm
+    full_speed = _full_speed(gearbox_and_counts(kit.counts_per_turn), like.board["full_speed"])
+    full_mm_s = full_speed / 60 * math.pi * kit.wheel_diameter_mm
     ceiling = max(1, round(CEILING_SHARE * full_mm_s))
     turning = max(1, min(INT16_MAX, round(ceiling / kit.axis_radius_m)))
-    return _drive_and_board(kit, like.board, ceiling, turning) + _limits_and_body(kit, like, ceiling, turning)
+    return _drive_and_board(
+        kit, {**like.board, "full_speed": full_speed}, ceiling, turning
+    ) + _limits_and_body(kit, like, ceiling, turning)
+
+
+def _full_speed(counts: Tuple[int, int], assumed: int) -> int:
+    """Return the assumed speed of a wheel, or the nearest one whose counts the board can control [1/min]."""
+    slowest, fastest = (60 * counts_s / (counts[0] * counts[1] / 100) for counts_s in CONTROLLED)
+    return max(math.ceil(slowest), min(assumed, math.floor(fastest)))
 
 
 def _drive_and_board(kit: Kit, like: Dict[str, int], ceiling: int, turning: int) -> str:

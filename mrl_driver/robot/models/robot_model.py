@@ -332,6 +332,8 @@ Source: (Araujo 2012).  160 rpm at 7.2 V; sonar curve, with b = 0.94657 cut to t
 
 OF_CONTROL = ("gearbox", "encoder_counts", "full_speed", "wheel_radius", "axis_radius")
 """What `beyond_control` looks at."""
+CONTROLLED = 51, 25600
+"""Least and most counts of a wheel at full duty that a board with H-bridges can control [1/s]."""
 
 
 def full_speeds(board: Mapping[str, int]) -> Tuple[float, float]:
@@ -350,7 +352,7 @@ def beyond_control(board: Mapping[str, int]) -> str:
     counts_s = turns_s * board["gearbox"] * board["encoder_counts"] / 100
     mm_s, mrad_s = full_speeds(board)
     for names, value, unit, least, most in (
-        ("gearbox, encoder_counts and full_speed", counts_s, "counts/s", 51, 25600),
+        ("gearbox, encoder_counts and full_speed", counts_s, "counts/s", *CONTROLLED),
         ("wheel_radius and full_speed", mm_s, "mm/s", 65, math.inf),
         ("axis_radius, wheel_radius and full_speed", mrad_s, "mrad/s", 1030, math.inf),
     ):

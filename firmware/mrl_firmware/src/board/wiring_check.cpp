@@ -105,20 +105,18 @@ bool lacks_pwm(const Table& table, uint8_t place) {
   return table.pwm(place) && chip::functions(table.at(place)).timer < 0;
 }
 
-// The bootloader drives the pin of the LED, which a closed switch shorts.  A bridge whose PWM is held low by a resistor
+// The bootloader drives the pin of the LED, which a closed switch, an encoder or an echo shorts.  A bridge whose PWM is held low by a resistor
 // does not drive then.  An L298N whose EN is wired high does, if its other input moves.
 bool is_led(const Table& table, uint8_t place) {
   if (table.at(place) != chip::LED_PIN) return false;
   const bool logic = is_wire(place) && of_two(place) % hal::BRIDGE_WIRES == static_cast<uint8_t>(hal::BridgePin::logic);
-  if (table.pwm(place) || (place >= INPUTS && place < LEVELS)) return true;
+  if (table.pwm(place) || (place >= INPUTS && place < LEVELS) || is_encoder(place) || is_timed(table, place)) return true;
   return logic && table.bridge == Bridge::l298n && !table.connected(static_cast<uint8_t>(place - 2));
 }
 
 bool lacks_interrupt(const Table& table, uint8_t place) {
   const chip::Functions functions = chip::functions(table.at(place));
-  const bool silent = functions.change < 0 && functions.external < 0;
-  if (!is_encoder(place)) return silent && is_timed(table, place);
-  return (silent && is_channel_a(place)) || table.at(place) == chip::NO_ENCODER_PIN;
+  return functions.change < 0 && functions.external < 0 && (is_channel_a(place) || is_timed(table, place));
 }
 
 bool lacks_converter(const Table& table, uint8_t place) {

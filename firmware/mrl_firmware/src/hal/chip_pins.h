@@ -43,7 +43,6 @@ constexpr int8_t SERIAL_IN = 0;
 constexpr int8_t SERIAL_OUT = 1;
 constexpr int8_t I2C_DATA = 20;
 constexpr int8_t I2C_CLOCK = 21;
-constexpr int8_t NO_ENCODER_PIN = -1;
 }  // namespace chip
 }  // namespace mrl
 #else
@@ -64,7 +63,6 @@ constexpr int8_t SERIAL_IN = 0;
 constexpr int8_t SERIAL_OUT = 1;
 constexpr int8_t I2C_DATA = 18;
 constexpr int8_t I2C_CLOCK = 19;
-constexpr int8_t NO_ENCODER_PIN = 13;
 }  // namespace chip
 }  // namespace mrl
 #endif

@@ -16,8 +16,10 @@ Roles roles(Bridge chip) {
     case Bridge::vnh5019:
     case Bridge::tb6612:
     case Bridge::l298n_enable:
+    case Bridge::l298p_brake:
       return {A | B | LOGIC, A};
     case Bridge::cytron:
+    case Bridge::l298p:
       return {A | LOGIC, A};
     case Bridge::l298n:
       return {B | LOGIC, B};
@@ -36,12 +38,14 @@ Levels levels(Bridge chip, bool backward, uint8_t duty, bool coast) {
   const uint8_t rest = static_cast<uint8_t>(HIGH_LEVEL - duty);
   const uint8_t ahead = backward ? LOW_LEVEL : HIGH_LEVEL, back = static_cast<uint8_t>(~ahead);
   if (chip == Bridge::unset) return {LOW_LEVEL, LOW_LEVEL, LOW_LEVEL};
-  if (!duty && chip != Bridge::cytron) {
+  if (!duty && chip != Bridge::cytron && chip != Bridge::l298p) {
     const uint8_t level = coast ? LOW_LEVEL : HIGH_LEVEL;
     return {chip == Bridge::tb6612 ? HIGH_LEVEL : level, level, level};
   }
   switch (chip) {
     case Bridge::cytron:
+    case Bridge::l298p:  // it coasts between the pulses, and at rest without its brake
+    case Bridge::l298p_brake:
       return {duty, LOW_LEVEL, back};
     case Bridge::l298n:  // with PWM on IN1 it brakes between the pulses, which makes the speed proportional to the duty
       return {HIGH_LEVEL, backward ? rest : duty, back};
@@ -54,8 +58,17 @@ Levels levels(Bridge chip, bool backward, uint8_t duty, bool coast) {
 }
 
 hal::PwmRate rate(Bridge chip) {
-  if (chip == Bridge::l298n || chip == Bridge::l298n_enable) return hal::PwmRate::slow;
-  return chip == Bridge::tb6612 || chip == Bridge::drv8833 ? hal::PwmRate::fast : hal::PwmRate::medium;
+  switch (chip) {
+    case Bridge::vnh5019:
+    case Bridge::cytron:
+    case Bridge::bts7960:
+      return hal::PwmRate::medium;
+    case Bridge::tb6612:
+    case Bridge::drv8833:
+      return hal::PwmRate::fast;
+    default:  // the L298
+      return hal::PwmRate::slow;
+  }
 }
 
 }  // namespace bridge

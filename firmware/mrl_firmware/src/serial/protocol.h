@@ -122,7 +122,7 @@
   PARAMETER(16, bus_speed, 100, 400) \
   PARAMETER(17, bus_stop, 0, 1) \
   PARAMETER(18, full_speed, 1, 1000) \
-  PARAMETER(19, bridge, 0, 7) \
+  PARAMETER(19, bridge, 0, 9) \
   PARAMETER(20, wiring, 0, 4095) \
   PARAMETER(21, stop_mode, 0, 1) \
   PARAMETER(22, reversal_pause, 0, 1000) \
@@ -326,7 +326,8 @@ enum class StopReason : uint8_t {
 
 // Bridge chips of parameter 19.
 enum class Bridge : uint8_t {
-  unset = 0, vnh5019 = 1, cytron = 2, l298n = 3, tb6612 = 4, drv8833 = 5, bts7960 = 6, l298n_enable = 7
+  unset = 0, vnh5019 = 1, cytron = 2, l298n = 3, tb6612 = 4, drv8833 = 5, bts7960 = 6, l298n_enable = 7, l298p = 8,
+  l298p_brake = 9
 };
 
 // Why the wiring is refused: problem of read_wiring.
