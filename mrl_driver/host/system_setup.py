@@ -62,12 +62,14 @@ After=dev-mrl\\x2d%i.device network.target
 [Service]
 User={user}
 SupplementaryGroups={group}
-Environment="MRL_CHECKOUT={checkout}" "MRL_LAUNCH={launch} respawn:=true" ROS_IP=127.0.0.1 PYTHONUNBUFFERED=1
+Environment="MRL_CHECKOUT={checkout}" "MRL_LAUNCH={launch} respawn:=true" PYTHONUNBUFFERED=1
 EnvironmentFile=-/etc/default/mrl-robot
 EnvironmentFile=-/etc/default/mrl-robot@%I
 RuntimeDirectory=mrl-robot/%i
-# ROS_SETUP replaces ROS_PACKAGE_PATH, so a checkout is added after it.
+# ROS_SETUP replaces ROS_PACKAGE_PATH, so a checkout is added after it.  With ROS_IP=127.0.0.1, nodes in C++ accept no
+# other machine, even if ROS_HOSTNAME is set.
 ExecStart=/bin/sh -c '[ -z "$ROS_SETUP" ] || . "$ROS_SETUP"; export ROS_LOG_DIR="$RUNTIME_DIRECTORY"; \
+  [ -n "$ROS_IP$ROS_HOSTNAME" ] || export ROS_IP=127.0.0.1; \
   mkdir -p "$HOME/.ros" || export ROS_HOME="$RUNTIME_DIRECTORY"; \
   lock="/run/lock/mrl-robot$(systemd-escape "$ROS_MASTER_URI $ROS_NAMESPACE")"; \
   [ -e "$lock" ] || : >"$lock"; exec 9<"$lock"; flock -n 9 || {{ \

@@ -1,11 +1,9 @@
 """udev rule and systemd unit: written, kept apart from other people's files, removed."""
 
-import configparser
 import fnmatch
 import os
 import pathlib
 import re
-import shlex
 import subprocess
 import sys
 import tempfile
@@ -19,7 +17,9 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.host import system_setup
 from mrl_driver.transport import port_info
 from mrl_driver.transport.port_info import tells_apart
-from tests.waiting import wait_until
+from tests.network import own_network
+from tests.service_unit import environment, installed, start_line
+from tests.waiting import PATIENCE, wait_until
 
 
 def mrl_system(*words):
@@ -138,31 +138,17 @@ def test_the_command_for_root_can_be_copied_if_its_path_has_a_space(monkeypatch,
         system_setup.install("ada", str(tmp_path))
 
 
-def unit_in(root):
-    system_setup.install("ada", str(root))
-    unit = configparser.ConfigParser(interpolation=None, strict=False)
-    unit.optionxform = str
-    unit.read(root / system_setup.UNIT)
-    return unit
-
-
-def start_line(unit, locks):
-    """The words that systemd runs, with another folder for locks."""
-    return shlex.split(unit["Service"]["ExecStart"].replace("/run/lock", str(locks)).replace("%I", "NAME"))
-
-
 def test_unit_runs_the_node_as_the_user_once_the_robot_is_there(tmp_path):
     """It stays when the board goes: systemd would not start it for one that is back at once (systemd, issue 11526)."""
-    unit = unit_in(tmp_path)
+    unit = installed(tmp_path)
     assert (unit["Service"]["User"], unit["Service"]["Restart"]) == ("ada", "always")
     assert unit["Install"]["WantedBy"] == r"dev-mrl\x2d%i.device" and "BindsTo" not in unit["Unit"]
-    assert "ROS_IP=127.0.0.1" in shlex.split(unit["Service"]["Environment"])
     assert unit["Service"]["ExecStart"].endswith("exec roslaunch mrl_robots $MRL_LAUNCH port:=/dev/mrl-%I'")
 
 
 def test_a_second_robot_on_one_master_is_refused_and_not_started_again(tmp_path):
     """Two nodes of one name would end each other for ever."""
-    unit, begun = unit_in(tmp_path), tmp_path / "begun"
+    unit, begun = installed(tmp_path), tmp_path / "begun"
     fake = tmp_path / "roslaunch"
     fake.write_text(f"#!/bin/sh\ntouch '{begun}'\nexec sleep 999\n")
     fake.chmod(0o755)
@@ -181,13 +167,15 @@ def test_a_second_robot_on_one_master_is_refused_and_not_started_again(tmp_path)
     )
 
 
-def started(folder, as_user=(), **env):
-    """What the unit's command passes to roslaunch: its ROS_HOME."""
+def started(folder, as_user=(), passed="ROS_HOME", **env):
+    """What the unit's command passes to roslaunch as a variable of the environment."""
     fake = folder / "roslaunch"
-    fake.write_text('#!/bin/sh\necho "$ROS_HOME"\n')
+    fake.write_text(f'#!/bin/sh\necho "${passed}"\n')
     fake.chmod(0o755)
-    given = {"PATH": f"{folder}:{os.environ['PATH']}", "RUNTIME_DIRECTORY": "/run/robot", "HOME": str(folder)}
-    command = [*as_user, *start_line(unit_in(folder), folder)]
+    unit = installed(folder)
+    given = {**environment(unit), "PATH": f"{folder}:{os.environ['PATH']}"}
+    given.update(RUNTIME_DIRECTORY="/run/robot", HOME=str(folder))
+    command = [*as_user, *start_line(unit, folder)]
     done = subprocess.run(command, env={**given, **env}, capture_output=True, text=True, check=True)
     return done.stdout.strip()
 
@@ -195,6 +183,23 @@ def started(folder, as_user=(), **env):
 @pytest.mark.parametrize(("home", "expected"), [("", ""), ("/dev/null/ada", "/run/robot")])
 def test_a_home_that_cannot_be_written_does_not_keep_the_robot_from_its_start(tmp_path, home, expected):
     assert started(tmp_path, HOME=home or str(tmp_path), ROS_HOME="") == expected
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [({}, "127.0.0.1"), ({"ROS_HOSTNAME": "robot.local"}, ""), ({"ROS_IP": "10.0.0.2"}, "10.0.0.2")],
+)
+def test_nodes_listen_on_this_computer_alone_unless_it_has_a_name_or_address_for_others(
+    tmp_path, given, expected
+):
+    assert started(tmp_path, passed="ROS_IP", **given) == expected
+
+
+def test_topics_of_nodes_in_python_and_in_cpp_reach_another_machine(tmp_path):
+    """Nodes in C++ accept no other machine while ROS_IP begins with 127, whatever ROS_HOSTNAME is."""
+    command = [*own_network(), sys.executable, "-m", "tests.ros.service_and_desk", str(tmp_path)]
+    seen = subprocess.run(command, capture_output=True, text=True, timeout=110 * PATIENCE, check=False)
+    assert (seen.stdout.split(), seen.stderr) == (["/odom", "/tf_static"], "")
 
 
 def test_a_lock_that_another_user_has_left_is_taken():
@@ -246,11 +251,11 @@ def test_who_installs_the_service_outside_a_clone_is_told_what_it_needs(tmp_path
 
 @pytest.mark.parametrize("setup", ["", "export ROS_PACKAGE_PATH=/opt/ros/noetic/share\n"])
 def test_unit_finds_the_checkout_although_setup_files_of_ros_replace_the_package_path(tmp_path, setup):
-    service = unit_in(tmp_path)
+    service = installed(tmp_path)
     (tmp_path / "setup.sh").write_text(setup)
     (tmp_path / "roslaunch").write_text('#!/bin/sh\necho "$ROS_PACKAGE_PATH"\n')
     (tmp_path / "roslaunch").chmod(0o755)
-    env = dict(word.split("=", 1) for word in shlex.split(service["Service"]["Environment"]))
+    env = environment(service)
     env.update(PATH=f"{tmp_path}:{os.environ['PATH']}", ROS_SETUP=str(tmp_path / "setup.sh") if setup else "")
     env["HOME"] = str(tmp_path)
     found = subprocess.run(
