@@ -74,6 +74,9 @@ ExecStart=/bin/sh -c '[ -z "$ROS_SETUP" ] || . "$ROS_SETUP"; export ROS_LOG_DIR=
   lock="/run/lock/mrl-robot$(systemd-escape "$ROS_MASTER_URI $ROS_NAMESPACE")"; \
   [ -e "$lock" ] || : >"$lock"; exec 9<"$lock"; flock -n 9 || {{ \
   echo "another robot has this master: set ROS_MASTER_URI or ROS_NAMESPACE in /etc/default/mrl-robot@%I"; exit 78; }}; \
+  [ -z "$MRL_CHECKOUT" ] || [ -e "$MRL_CHECKOUT/package.xml" ] || {{ \
+  echo "no clone in $MRL_CHECKOUT: where it is now, make .venv again, and run mrl system install"; \
+  sleep 30; exit 1; }}; \
   [ -z "$MRL_CHECKOUT" ] || export ROS_PACKAGE_PATH="$MRL_CHECKOUT:$ROS_PACKAGE_PATH"; \
   exec roslaunch mrl_robots $MRL_LAUNCH port:=/dev/mrl-%I'
 # The nodes go before other programs when the processor is busy.  With autogroups, which Raspberry Pi OS has, Nice

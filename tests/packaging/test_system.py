@@ -202,6 +202,19 @@ def test_topics_of_nodes_in_python_and_in_cpp_reach_another_machine(tmp_path):
     assert (seen.stdout.split(), seen.stderr) == (["/odom", "/tf_static"], "")
 
 
+def test_a_clone_that_has_moved_is_named_with_what_to_do(tmp_path):
+    """systemd starts the service again, because the clone may lie on a disk that is not there yet."""
+    unit = installed(tmp_path)
+    (tmp_path / "sleep").symlink_to("/bin/true")
+    env = {**environment(unit), "PATH": f"{tmp_path}:{os.environ['PATH']}", "HOME": str(tmp_path)}
+    env.update(RUNTIME_DIRECTORY=str(tmp_path), MRL_CHECKOUT="/old/place")
+    done = subprocess.run(start_line(unit, tmp_path), env=env, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "")
+    assert (
+        done.stdout.startswith("no clone in /old/place: where it is now, ") and done.stdout.count("\n") == 1
+    )
+
+
 def test_a_lock_that_another_user_has_left_is_taken():
     nobody = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.geteuid() == 0 else []
     with tempfile.TemporaryDirectory() as name:
