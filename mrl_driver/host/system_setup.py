@@ -5,6 +5,7 @@ begin with `MARK` are not changed.
 """
 
 import contextlib
+import glob
 import os
 import pwd
 import re
@@ -20,6 +21,9 @@ from mrl_driver.transport.port_info import KINDS
 MARK = "# Written by `mrl system install`; `mrl system remove` deletes it."
 RULES = "etc/udev/rules.d/70-mrl.rules"
 UNIT = "etc/systemd/system/mrl-robot@.service"
+LINKS = "etc/systemd/system/*.wants/mrl-robot@*.service"
+"""What `systemctl enable` makes: links that start the service by itself."""
+SETTINGS = "etc/default/mrl-robot*"
 GROUP = "dialout"
 BRLTTY_UNITS = ("brltty-udev.service", "brltty.path", "brltty.service")
 """Units of the driver of Braille displays, which takes USB serial adapters for them, in Debian, Ubuntu and Arch."""
@@ -186,18 +190,30 @@ def install(user: str, root: str = "/", page: str = "") -> List[str]:
     return [*done, *run(commands(user, True)), *new]
 
 
+def removed(root: str) -> List[str]:
+    """Return the paths that `remove` deletes, if they are there."""
+    return [*(os.path.join(root, name) for name in (RULES, UNIT)), *_found(root, LINKS)]
+
+
+def _found(root: str, pattern: str) -> List[str]:
+    return sorted(glob.glob(os.path.join(glob.escape(root), pattern)))
+
+
 def remove(root: str = "/") -> List[str]:
-    """Delete the files that `install` wrote; return a line per action.  ConfigError if one is not ours, or stays."""
-    paths = [os.path.join(root, name) for name in (RULES, UNIT)]
-    there = [path for path in paths if os.path.lexists(path)]
-    for path in there:
-        _require_ours(path)
+    """Delete the files that `install` wrote, and the links that start the service; return a line per action.
+
+    ConfigError if a file is not ours, or stays.
+    """
+    for name in (RULES, UNIT):
+        _require_ours(os.path.join(root, name))
+    there = [path for path in removed(root) if os.path.lexists(path)]
     for path in there:
         with _changing(path):
             os.unlink(path)
     if not there:
         return ["nothing was installed"]
     done = [f"removed {path}" for path in there]
+    done += [f"{path} stays: it has your settings" for path in _found(root, SETTINGS)]
     return done + run(commands("root", False)) if is_machine(root) else done
 
 

@@ -43,6 +43,25 @@ def test_install_writes_both_files_and_remove_deletes_them(tmp_path):
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
+def test_a_service_that_was_removed_does_not_start_again_when_it_is_installed_again(tmp_path):
+    system_setup.install("ada", str(tmp_path))
+    link = tmp_path / r"etc/systemd/system/dev-mrl\x2dNAME.device.wants/mrl-robot@NAME.service"
+    link.parent.mkdir()
+    link.symlink_to(f"/{system_setup.UNIT}")
+    system_setup.remove(str(tmp_path))
+    assert not os.path.lexists(link)
+
+
+def test_settings_of_the_service_stay_and_are_named_when_it_is_removed(tmp_path):
+    system_setup.install("ada", str(tmp_path))
+    settings = tmp_path / "etc/default/mrl-robot@NAME"
+    settings.parent.mkdir()
+    settings.touch()
+    assert (
+        f"{settings} stays: it has your settings" in system_setup.remove(str(tmp_path)) and settings.exists()
+    )
+
+
 @pytest.mark.parametrize("action", ["install", "remove"])
 def test_a_dry_run_changes_nothing(tmp_path, action):
     out = mrl_system(action, "--root", tmp_path, "--dry-run")

@@ -93,13 +93,13 @@ def _mask_brltty(mask: Optional[bool], root: str) -> None:
 @root_option
 @dry_option
 def remove(root: str, dry_run: bool) -> None:
-    """Delete the files that install wrote.
+    """Delete the files that install wrote, and switch the service off.
 
-    Groups stay as they are, and brltty masked: sudo systemctl unmask brltty-udev.service brltty.path brltty.service
+    Groups and /etc/default/mrl-robot stay as they are, and brltty masked:
+    sudo systemctl unmask brltty-udev.service brltty.path brltty.service
     """
     if not dry_run:
         click.echo("\n".join(machine.remove(root)))
         return
-    for name in (machine.RULES, machine.UNIT):
-        path = os.path.join(root, name)
+    for path in machine.removed(root):
         click.echo(f"would remove {path}" if os.path.lexists(path) else f"{path} does not exist")
