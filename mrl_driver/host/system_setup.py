@@ -13,7 +13,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from typing import Dict, Iterator, List
+from typing import Dict, Iterator, List, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.transport.port_info import KINDS
@@ -129,6 +129,16 @@ def _checkout() -> str:
     return folder if os.path.isfile(os.path.join(folder, "package.xml")) else ""
 
 
+def before(root: str) -> Tuple[str, str]:
+    """Return user and page of the service that is installed, each empty if there is none."""
+    path, text = os.path.join(root, UNIT), ""
+    with contextlib.suppress(OSError), open(path, encoding="utf-8", errors="replace") as file:
+        text = file.read()
+    found = (re.search(pattern, text) for pattern in (r"\nUser=(\S+)", r" listen:=(\S+) "))
+    user, page = (match[1] if match and text.startswith(MARK) else "" for match in found)
+    return user, page
+
+
 def files(user: str, page: str = "") -> Dict[str, str]:
     """Return the files that `install` writes: paths relative to the root, and texts."""
     return {RULES: rules(), UNIT: unit(user, page)}
@@ -162,14 +172,15 @@ def mask_brltty() -> List[str]:
     return run([["systemctl", "mask", "--now", *brltty_units()]])
 
 
-def install(user: str, root: str = "/", page: str = "") -> List[str]:
+def install(user: str, root: str = "/", page: str = "", service_user: str = "") -> List[str]:
     """Write the files; if `root` is this machine's own, make them take effect.  Return one line per action.
 
-    ConfigError if the user does not exist, `page` is not an address, another program's file has the same name, or a
-    file cannot be written.
+    `user` may open ports; the service runs as `service_user`, by default the same.  ConfigError if a user does not
+    exist, `page` is not an address, another program's file has the same name, or a file cannot be written.
     """
-    require_user(user, root)
-    paths = {os.path.join(root, name): text for name, text in files(user, page).items()}
+    for name in (user, service_user or user):
+        require_user(name, root)
+    paths = {os.path.join(root, name): text for name, text in files(service_user or user, page).items()}
     for path in paths:
         _require_ours(path)
     for path, text in paths.items():

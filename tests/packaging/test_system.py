@@ -268,6 +268,28 @@ def test_service_serves_the_page_where_it_is_wanted(tmp_path):
     )
 
 
+def service_after(root, *words):
+    """User and launch file of the service that is installed once more, and what was said."""
+    said = mrl_system("install", "--root", root, *words)
+    unit = (root / system_setup.UNIT).read_text()
+    return re.search("\nUser=(.*)\n", unit)[1], re.search('"MRL_LAUNCH=(.*) respawn', unit)[1], said
+
+
+def test_a_service_that_is_installed_again_keeps_its_user_and_page(tmp_path, monkeypatch):
+    monkeypatch.setenv("SUDO_USER", "bob")
+    mrl_system("install", "--root", tmp_path, "--user", "ada", "--page", "0.0.0.0:99")
+    user, launch, said = service_after(tmp_path)
+    assert (user, launch) == ("ada", "web.launch listen:=0.0.0.0:99")
+    assert "the service still runs as ada; add --user bob to change that" in said
+    assert "the service still serves the page at 0.0.0.0:99; add --page '' to end that" in said
+
+
+def test_user_and_page_of_a_service_can_be_changed(tmp_path):
+    mrl_system("install", "--root", tmp_path, "--user", "ada", "--page", "0.0.0.0:99")
+    user, launch, said = service_after(tmp_path, "--user", "bob", "--page", "")
+    assert (user, launch, "still" in said) == ("bob", "robot.launch", False)
+
+
 def test_a_page_that_is_not_an_address_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="page is '0.0.0.0 x', expected HOST or HOST:PORT"):
         mrl_system("install", "--root", tmp_path, "--user", "ada", "--page", "0.0.0.0 x")

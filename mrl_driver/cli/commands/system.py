@@ -37,7 +37,12 @@ def system() -> None:
 
 
 @system.command(short_help="Write a udev rule and a systemd unit; let USER open serial ports.")
-@click.option("--user", metavar="USER", help="User who drives the robots; default: you, also under sudo.")
+@click.option(
+    "--user",
+    metavar="USER",
+    help="User who drives the robots and runs the service; default: you, also under sudo, and for an installed "
+    "service as before.",
+)
 @click.option(
     "--mask-brltty/--keep-brltty",
     "mask",
@@ -46,13 +51,13 @@ def system() -> None:
 )
 @click.option(
     "--page",
-    default="",
     metavar="HOST[:PORT]",
-    help="The service also serves the page there; 127.0.0.1 for this computer alone, 0.0.0.0 for a network.",
+    help="The service also serves the page there; 127.0.0.1 for this computer alone, 0.0.0.0 for a network, "
+    '"" for none; default: as before.',
 )
 @root_option
 @dry_option
-def install(user: Optional[str], mask: Optional[bool], page: str, root: str, dry_run: bool) -> None:
+def install(user: Optional[str], mask: Optional[bool], page: Optional[str], root: str, dry_run: bool) -> None:
     """Write a udev rule and a systemd unit, and let USER open serial ports.
 
     A robot then has the port /dev/mrl-SERIAL, or one named after its USB socket if its adapter has no serial number of
@@ -61,12 +66,19 @@ def install(user: Optional[str], mask: Optional[bool], page: str, root: str, dry
     /dev/mrl-uart.
     """
     who = user or os.environ.get("SUDO_USER") or getpass.getuser()
+    user_before, page_before = machine.before(root)
+    runs_as = user or user_before or who
+    if runs_as != who:
+        click.echo(f"the service still runs as {runs_as}; add --user {who} to change that")
+    if page is None and page_before:
+        click.echo(f"the service still serves the page at {page_before}; add --page '' to end that")
+    page = page_before if page is None else page
     if not dry_run:
-        click.echo("\n".join(machine.install(who, root, page)))
+        click.echo("\n".join(machine.install(who, root, page, runs_as)))
         _mask_brltty(mask, root)
         return
     machine.require_user(who, root)
-    for name, text in machine.files(who, page).items():
+    for name, text in machine.files(runs_as, page).items():
         click.echo(f"would write {os.path.join(root, name)}:\n\n{text}")
     for words in machine.commands(who, True):
         click.echo(f"would run {' '.join(words)}")
