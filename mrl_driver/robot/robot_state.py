@@ -177,11 +177,13 @@ class RobotState:
         if self.odometry is None and not self._ignore_battery and not _may_lack_battery(board):
             battery.require_charge(board.battery_v, self.model.battery)
         require_supported(self.model)
-        omni3md = board.motor_board_version > 0 and board.capabilities and "bridge" not in board.capabilities
-        if omni3md and self.model.board.get("bridge") and not self._any_id:
+        bridged = "bridge" in board.capabilities
+        answers = bridged or (board.motor_board_version > 0 and board.capabilities)
+        if answers and bridged != bool(self.model.board.get("bridge")) and not self._any_id:
+            motors = "an OMNI-3MD", "H-bridges"
             raise WrongRobot(
-                f"the firmware of the board drives an OMNI-3MD, expected the H-bridges of {self.model.name}: flash it "
-                "with: mrl flash --port PORT, or set the board's id with: mrl set-id"
+                f"the firmware of the board drives {motors[bridged]}, expected {motors[not bridged]} for "
+                f"{self.model.name}: flash it with: mrl flash --port PORT, or set the board's id with: mrl set-id"
             )
         stream = STREAMS.get(len(kinematics_of(self.model.base).wheels))
         if not stream and board.version < 2 and models.has_environment(self.model, board.robot_id):

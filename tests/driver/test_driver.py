@@ -289,10 +289,14 @@ def test_another_model_is_refused(serve):
         Driver(serve().path, "stingbot").connect()
 
 
-def test_an_h_bridge_robot_whose_board_has_the_firmware_for_an_omni3md_is_refused(serve):
-    """Its gains make the wheels of an OMNI-3MD swing."""
-    with pytest.raises(WrongRobot, match="drives an OMNI-3MD, expected the H-bridges of duo: flash it with"):
+def test_a_board_whose_firmware_is_for_other_motors_is_refused(serve):
+    """Gains of an H-bridge make the wheels of an OMNI-3MD swing; counts of a motor board are others."""
+    with pytest.raises(WrongRobot, match="drives an OMNI-3MD, expected H-bridges for duo: flash it with"):
         Driver(serve(robot_id=23).path).connect()
+    board = FakeBoard()
+    board.capabilities.add("bridge")
+    with pytest.raises(WrongRobot, match="drives H-bridges, expected an OMNI-3MD for traxbot: flash it with"):
+        Driver(serve(board).path).connect()
 
 
 @pytest.mark.parametrize(

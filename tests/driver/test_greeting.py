@@ -128,7 +128,7 @@ def test_no_fault_of_a_reply_while_greeting_again_ends_the_session(instead):
 
 def without_measurements(*, checks=True):
     """An H-bridge board without a divider: it sends 0 for battery and temperature."""
-    board = FakeBoard()
+    board = FakeBoard(robot_id=23)
     board.battery = board.temperature = 0
     board.capabilities |= {"bridge", "no_battery", "no_temperature"}
     if not checks:
