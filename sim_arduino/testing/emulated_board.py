@@ -58,6 +58,8 @@ def wait_until(condition: Callable[[], bool], timeout_s: float, what: Callable[[
 class EmulatedBoard(ContextManager["EmulatedBoard"]):
     """A board on a virtual serial port; a context manager.
 
+    An error that ends the board is raised by the next look at it, or else by `close`.
+
     Args:
         world: A world, or the name of a packaged one, or the path of a world file or map.
         speed: Factor over real time.
@@ -90,10 +92,10 @@ class EmulatedBoard(ContextManager["EmulatedBoard"]):
         self._port: BoardPort = SocketPort(listen) if listen else PtyPort()
         control = Control(self._robot.board, None, lambda path: None, lambda text: None)
         self._server = PtyServer(self._robot.board, self._port, self.plant, control=control, speed=speed)
-        self.lock = self._server.lock
-        self.faults = Faults(self._robot.board, self._server)
+        self.faults = Faults(self, self._robot.board, self._server)
         self.motors = Motors(self)
         self._failure: Optional[BaseException] = None
+        self._told = False  # whether the failure has been raised
         self._thread = threading.Thread(target=self._serve, name="emulated-board", daemon=True)
         self._thread.start()
 
@@ -102,6 +104,17 @@ class EmulatedBoard(ContextManager["EmulatedBoard"]):
             self._server.run()
         except BaseException as error:  # noqa: BLE001 - it is raised in the test's own thread
             self._failure = error
+
+    def _require_running(self) -> None:
+        if self._failure is not None:
+            self._told = True
+            raise self._failure
+
+    @property
+    def lock(self) -> ContextManager[Any]:
+        """Held while the board runs; raises the error that has ended the board."""
+        self._require_running()
+        return self._server.lock
 
     @property
     def port(self) -> str:
@@ -132,8 +145,7 @@ class EmulatedBoard(ContextManager["EmulatedBoard"]):
         """Waits until a condition is true; AssertionError if it is not within `timeout_s` [s, real time]."""
 
         def holds() -> bool:
-            if self._failure is not None:
-                raise self._failure
+            self._require_running()
             return condition()
 
         def where() -> str:
@@ -146,14 +158,17 @@ class EmulatedBoard(ContextManager["EmulatedBoard"]):
         wait_until(holds, timeout_s, where)
 
     def close(self) -> None:
-        """Unplugs the port and ends the thread."""
+        """Unplugs the port and ends the thread; raises the error that has ended the board if nothing has yet."""
         self._server.stop()
         self._thread.join()
         self._port.close()
         self._robot.close()
+        if not self._told:
+            self._require_running()
 
-    def __exit__(self, *_: object) -> None:
-        """Closes the board."""
+    def __exit__(self, kind: object, *_: object) -> None:
+        """Closes the board; an error of the block comes before one of the board."""
+        self._told = self._told or kind is not None
         self.close()
 
 
@@ -162,7 +177,7 @@ def _held(method: _Method) -> _Method:
 
     @wraps(method)
     def call(faults: "Faults", *args: Any, **options: Any) -> None:
-        with faults.server.lock:
+        with faults.emulated.lock:
             method(faults.board, *args, **options)
         faults.server.wake()
 
@@ -172,8 +187,8 @@ def _held(method: _Method) -> _Method:
 class Faults:
     """Injects faults into a running board, as `FaultyEngine` does; their times count from now."""
 
-    def __init__(self, board: FaultyEngine, server: PtyServer) -> None:
-        self.board, self.server = board, server
+    def __init__(self, emulated: EmulatedBoard, board: FaultyEngine, server: PtyServer) -> None:
+        self.emulated, self.board, self.server = emulated, board, server
 
     inject, clear = _held(FaultyEngine.inject), _held(FaultyEngine.clear)
     unplug, plug = _held(FaultyEngine.unplug), _held(FaultyEngine.plug)

@@ -92,17 +92,18 @@ def make_emulated_board(
 
     made: List[EmulatedBoard] = []
     engine = pytestconfig.getoption("--emulated-engine")
+    closing = contextlib.ExitStack()
 
     def make(**options: Any) -> EmulatedBoard:
         usual = {"world": emulated_world, "name": f"robot{len(made) + 1}", "engine": engine}
         if options.get("profile", "current") != "current":
             usual["engine"] = "python"
         made.append(EmulatedBoard(**{**usual, **options}))
+        closing.callback(made[-1].close)
         return made[-1]
 
-    yield make
-    for board in reversed(made):
-        board.close()
+    with closing:
+        yield make
 
 
 @pytest.fixture

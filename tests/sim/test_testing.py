@@ -4,6 +4,7 @@ import threading
 
 import pytest
 
+from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.models import kit
@@ -61,3 +62,40 @@ def test_a_closed_board_leaves_no_thread():
     with EmulatedBoard(FREE):
         (made,) = set(threading.enumerate()) - before
     assert not made.is_alive()
+
+
+@pytest.fixture
+def dead():
+    """A board that has failed; nobody has been told yet."""
+
+    def fail(to_s):
+        raise SimulatorError("the firmware crashed")
+
+    before = set(threading.enumerate())
+    board = EmulatedBoard(FREE)
+    (thread,) = set(threading.enumerate()) - before
+    board.plant.advance = fail
+    thread.join()
+    return board
+
+
+@pytest.mark.parametrize(
+    "look",
+    [
+        lambda board: board.true_pose,
+        lambda board: board.true_speed_m_s,
+        lambda board: board.motors.assert_not_commanded("move_omni"),
+        lambda board: board.motors.assert_commanded("stop"),
+        lambda board: board.faults.inject("loss"),
+        lambda board: board.close(),
+    ],
+)
+def test_a_board_that_has_failed_says_so_at_the_next_look(dead, look):
+    with pytest.raises(SimulatorError, match="the firmware crashed"):
+        look(dead)
+    dead.close()
+
+
+def test_an_error_of_the_block_comes_before_one_of_the_board(dead):
+    with pytest.raises(AssertionError, match="own"), dead:
+        raise AssertionError("own")
