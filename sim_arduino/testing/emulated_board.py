@@ -10,6 +10,7 @@
 
 import threading
 import time
+from collections import deque
 from functools import wraps
 from typing import Any, Callable, ContextManager, List, Optional, TypeVar, Union, cast
 
@@ -89,6 +90,8 @@ class EmulatedBoard(ContextManager["EmulatedBoard"]):
             )
         self._robot = factory.make(factory.Options(world=world, **options))
         self.plant = self._robot.plant
+        if not self.plant.bridge:
+            self.plant.motor_board.commands = deque()  # all of them: what must not have come may be long ago
         self._port: BoardPort = SocketPort(listen) if listen else PtyPort()
         control = Control(self._robot.board, None, lambda path: None, lambda text: None)
         self._server = PtyServer(self._robot.board, self._port, self.plant, control=control, speed=speed)
@@ -202,7 +205,7 @@ class Motors:
         self._board = board
 
     def commands(self, name: str = "") -> List[MotorCommand]:
-        """Commands so far, oldest first, at most the last 1000: all, or those with a name of `COMMANDS`.
+        """Commands since the start or the last `forget`, oldest first: all, or those with a name of `COMMANDS`.
 
         ConfigError if the name is unknown, as in the assertions.
         """
@@ -211,6 +214,11 @@ class Motors:
         with self._board.lock:
             found = list(self._board.plant.motor_board.commands)
         return [command for command in found if not name or command.code == COMMANDS[name]]
+
+    def forget(self) -> None:
+        """Forgets the commands so far: `commands` and assertions begin again."""
+        with self._board.lock:
+            self._board.plant.motor_board.commands.clear()
 
     def last(self, count: int = 1) -> str:
         """The last commands as text."""

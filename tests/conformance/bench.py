@@ -161,7 +161,6 @@ class Bench:
         self.now_s = 0.0
         self.checked = False
         self.text = b""
-        self._seen = 0
 
     def wake(self) -> "Bench":
         self.run(READY_S)
@@ -195,9 +194,10 @@ class Bench:
 
     def commands(self) -> List[Tuple[int, ...]]:
         """What has reached the motor board since the last call: register, values."""
-        log = list(self.plant.motor_board.commands)
-        new, self._seen = log[self._seen :], len(log)
-        return [(each.code, *each.values) for each in new]
+        log = self.plant.motor_board.commands
+        new = [(each.code, *each.values) for each in log]
+        log.clear()
+        return new
 
     def wheels(self) -> Wheels:
         """True speeds of the wheels [m/s]; of a virtual robot by its counts, which takes a moment."""

@@ -38,6 +38,24 @@ def test_what_must_come_and_what_must_not(shared):
         shared.motors.assert_not_commanded("stop")
 
 
+def test_commands_that_are_forgotten_count_no_more():
+    with EmulatedBoard(FREE) as board:
+        board.motors.assert_commanded("set_timeout")
+        board.motors.forget()
+        board.motors.assert_not_commanded("set_timeout")
+
+
+def test_what_must_not_come_may_have_come_long_ago():
+    with EmulatedBoard(FREE) as board:
+        with board.lock:
+            motors = board.plant.motor_board
+            motors.move_omni(motors.time_s, 1, 0, 0)
+            for _ in range(1001):
+                motors.stop(motors.time_s)
+        with pytest.raises(AssertionError, match="expected no move_omni"):
+            board.motors.assert_not_commanded("move_omni")
+
+
 def test_wheels_that_turn_and_stand():
     with EmulatedBoard(FREE, speed=SPEED) as board, Client(board.port) as client:
         board.motors.assert_stopped()
