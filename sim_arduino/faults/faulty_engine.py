@@ -31,6 +31,10 @@ class Window:
             self._start_s += self._every_s
         return self._start_s <= now_s < self._start_s + self._lasts_s
 
+    def over(self, now_s: float) -> bool:
+        """Whether the fault has been on, and will not be again."""
+        return not self._every_s and now_s >= self._start_s + self._lasts_s
+
     def next_s(self, now_s: float) -> float:
         """Time of the next switch [s], later than `now_s`; may be infinite."""
         if self.on(now_s):
@@ -56,6 +60,7 @@ class Chain:
         """The bytes that come out of the last fault at `now_s`."""
         for fault, window in self._links:
             data = fault.run(data, now_s) if window.on(now_s) else fault.empty() + data
+        self._links = [link for link in self._links if not link[1].over(now_s)]
         return data
 
     def empty(self) -> None:
@@ -77,14 +82,17 @@ class _Switch:
     """A fault that is on during its windows; `act` is called when that changes."""
 
     def __init__(self, act: Callable[[bool], None], *windows: Window) -> None:
-        self._act, self.windows = act, [*windows]
+        self.act, self.windows = act, [*windows]
         self.is_on = False
 
-    def update(self, now_s: float) -> None:
+    def update(self, now_s: float) -> bool:
+        """Switches the fault if it is due; returns whether it has ended."""
         on = any([window.on(now_s) for window in self.windows])
-        if on != self.is_on:
-            self.is_on = on
-            self._act(on)
+        self.windows = [window for window in self.windows if not window.over(now_s)]
+        changed, self.is_on = on != self.is_on, on
+        if changed:
+            self.act(on)
+        return changed and not on
 
     def next_s(self, now_s: float) -> float:
         return min([window.next_s(now_s) for window in self.windows], default=math.inf)
@@ -169,7 +177,6 @@ class FaultyEngine:
         for switch in self._switches:
             switch.windows.clear()
         self._switch()
-        del self._switches[len(self._of_board) :]
 
     def unplug(self, seconds: float = FOREVER_S) -> None:
         """Unplugs the cable, and plugs it in after `seconds`."""
@@ -250,8 +257,14 @@ class FaultyEngine:
         return out
 
     def _switch(self) -> None:
-        for switch in self._switches:
-            switch.update(self.now_s)
+        """Switches the faults that are due; a part that is mended keeps its other faults."""
+        ended = [switch for switch in self._switches if switch.update(self.now_s)]
+        board = len(self._of_board)
+        hardware = [switch for switch in self._switches[board:] if switch.windows]
+        self._switches[board:] = hardware
+        for switch in hardware if ended else ():
+            if switch.is_on:
+                switch.act(True)
         if not self.plugged:
             for chain in self._chains.values():
                 chain.empty()

@@ -2,6 +2,7 @@
 
 import math
 import random
+import weakref
 from types import SimpleNamespace
 
 import pytest
@@ -162,6 +163,36 @@ def test_a_reset_that_is_injected_comes_though_the_board_has_nothing_to_do_meanw
     assert engine.engine.calls == [("reset",)]
 
 
+def test_a_fault_that_is_over_is_forgotten():
+    engine, fault = FaultyEngine(Driven(Plant(bridged()))), parse("wheel_blocked:lasts=0.1")
+
+    def switch(plant, on, wheel):
+        return None
+
+    engine.add(fault._replace(kind=fault.kind._replace(switch=switch)))
+    kept = weakref.ref(switch)
+    del switch
+    engine.advance(0.05)
+    assert kept() is not None
+    engine.advance(0.2)
+    assert kept() is None
+
+
+def test_a_fault_of_the_line_that_is_over_is_forgotten():
+    engine, made = FaultyEngine(Echo()), []
+    fault = parse("loss:lasts=0.1")
+
+    def make(*args, **values):
+        made.append(weakref.ref(found := fault.kind.make(*args, **values)))
+        return found
+
+    engine.add(fault._replace(kind=fault.kind._replace(make=make)))
+    engine.advance(0.05)
+    assert [each() is None for each in made] == [False, False]
+    engine.advance(0.2)
+    assert [each() is None for each in made] == [True, True]
+
+
 @pytest.mark.parametrize(
     "spec, text",
     [
@@ -262,6 +293,24 @@ def test_a_blocked_wheel_stands_until_it_is_free():
     assert speeds == [True, False, True]
 
 
+@pytest.mark.parametrize(
+    ("lasting", "short", "part"),
+    [
+        ("wheel_blocked", "wheel_blocked", lambda plant: plant.robot.motors[0].blocked),
+        ("battery_sag:volts=3", "battery_sag:volts=1", lambda plant: plant.robot.sag_v),
+        ("encoder_open", "encoder_swapped", lambda plant: plant.robot.motors[0].sensed),
+        ("encoder_open:channel=a", "encoder_open:channel=b", lambda plant: plant.robot.motors[0].sensed),
+        ("sonar_failed:state=dead", "sonar_failed:state=stuck", lambda plant: plant.sonars.failed),
+    ],
+)
+def test_a_fault_outlasts_another_one_of_the_same_part(lasting, short, part):
+    _, faulty = ahead(lasting)
+    engine, plant = ahead(lasting)
+    engine.inject(short + ("," if ":" in short else ":") + "lasts=1")
+    engine.advance(2.0)
+    assert part(plant) == part(faulty)
+
+
 def test_a_brown_out_is_a_reset_with_its_own_cause():
     engine = driven("brown_out:at=0.5", "reset:at=0.7")
     engine.advance(1.0)
@@ -274,7 +323,9 @@ def ahead(*faults):
     plant.sonars.power(True, 0.0)
     plant.sonars.hold(True, 0.0)
 
-    engine = FaultyEngine(SimpleNamespace(plant=plant, advance=plant.advance), faults)
+    engine = FaultyEngine(
+        SimpleNamespace(plant=plant, advance=lambda to_s: plant.advance(to_s) or b""), faults
+    )
     plant.motor_board.move_differential(0.0, 200, 0)
     plant.advance(1.0)
     return engine, plant
