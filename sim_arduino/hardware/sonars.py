@@ -81,7 +81,7 @@ class SonarChain:
         self._turn = 0
         self._held = False
         self._measured = 0
-        self._counts: List[int] = [0] * len(self._mounts)
+        self._counts = dict.fromkeys(order, 0)
         self._name, self._errors = name, errors
         self._rng = random.Random(f"sonars {seed}")
         self._before_m = math.inf
@@ -94,7 +94,7 @@ class SonarChain:
             self._begin(time_s)
         if not on:
             self._powered_s = self._turn_s = math.inf
-            self._counts = [0] * len(self._mounts)
+            self._counts = dict.fromkeys(self._names, 0)
 
     def trigger(self, time_s: float) -> None:
         """A pulse on pin D12: starts a round, unless a round runs or the sensors are not ready yet."""
@@ -134,15 +134,20 @@ class SonarChain:
 
     def _finish(self, index: int) -> None:
         """Puts the reading of a sensor on its output."""
-        state = self.failed.get(self._names[index])
+        name = self._names[index]
+        state = self.failed.get(name)
         if state != STUCK:
-            self._counts[index] = FULL_COUNT if state == DEAF else self._measured
+            self._counts[name] = FULL_COUNT if state == DEAF else self._measured
 
     def volts(self, channel: int, time_s: float) -> float:
-        """Output voltage of a sensor [V]: its last finished reading; 0 without power."""
+        """Output voltage of the front (0), left (1) or right sensor (2) [V]: its last finished reading.
+
+        0 without the sensor, and without power.
+        """
         self.advance(time_s)
-        count = self._counts[channel] if channel < len(self._counts) else 0
-        if count and self.failed.get(self._names[channel]) == DEAD:
+        name = _ORDER[channel] if channel < len(_ORDER) else ""
+        count = self._counts.get(name, 0)
+        if self.failed.get(name) == DEAD:
             return 0.0
         return (count + 0.5) * VOLTS_PER_COUNT if count else 0.0
 

@@ -57,6 +57,14 @@ def test_sensors_take_turns_of_100_ms():
     assert ready == [[False] * 3, [True, False, False], [True, True, False], [True] * 3]
 
 
+def test_a_robot_without_a_left_sonar_has_nothing_on_its_input():
+    mounts = {name: mount for name, mount in MOUNTS.items() if name != "left"}
+    sonars = SonarChain(mounts, WALL, lambda time_s: Pose(0.0, 0.0, 0.0))
+    sonars.power(True, 0.0)
+    sonars.trigger(0.3)
+    assert [count > 0 for count in counts(sonars, 1.0)] == [True, False, True]
+
+
 def test_a_trigger_during_warm_up_is_lost():
     sonars = chain()
     sonars.trigger(0.2)
