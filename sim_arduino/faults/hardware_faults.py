@@ -53,7 +53,11 @@ NEEDS: Dict[str, Tuple[str, str, Callable[[Plant], Any]]] = {
         lambda plant: plant.model.drives and not plant.bridge,
     ),
     "bridge": ("motors on an H-bridge", "another robot, such as duo", lambda plant: plant.bridge),
-    "sonars": ("sonars", "a board without environment sensors", lambda plant: plant.sonars_fitted),
+    "sonars": (
+        "MB1300 sonars",
+        "a robot with them, without environment sensors; other range sensors have range_failed",
+        lambda plant: plant.sonars.names,
+    ),
     "ranges": ("range sensors", "another robot, with range_1_echo in its wiring", range_inputs),
     "servos": ("a servo", "a robot whose file has one", lambda plant: plant.servos),
     "imu": ("an IMU", "--imu too", lambda plant: plant.imu),
@@ -76,6 +80,8 @@ def places(plant: Plant, key: str) -> Tuple[str, ...]:
     """Return the values that a key has on this robot; empty for keys that are not a place."""
     if key == _WHEEL.name:
         return WHEELS[: len(plant.bridge.outputs) if plant.bridge else FRONT]
+    if key == _SONAR[0].name:
+        return plant.sonars.names
     if key == _INPUT.name and plant.bridge:
         return (*range_inputs(plant), *plant.bridge.inputs.pins)
     return ()
@@ -159,7 +165,7 @@ def motor_board_absent(plant: Plant, on: bool) -> None:
 
 @fault(*_SONAR, needs="sonars")
 def sonar_failed(plant: Plant, on: bool, sonar: str, state: str) -> None:
-    """A sonar gives no reading, or always the same one."""
+    """An MB1300 sonar gives no reading, or always the same one."""
     if on:
         plant.sonars.failed[sonar] = state
     else:

@@ -40,6 +40,8 @@ class SonarErrors(NamedTuple):
 
 
 FLAWLESS = SonarErrors()
+OF_CHAIN = ("crosstalk", "gain", "exponent", "offset")
+"""Errors of MB1300 sonars alone; those of an HC-SR04 or analog range sensor are the others."""
 DEAD, STUCK, DEAF = "dead", "stuck", "deaf"
 STATES = (DEAD, STUCK, DEAF)
 """How a sonar fails: its output is 0 V, keeps its voltage, or shows that nothing is in range."""
@@ -55,7 +57,7 @@ def count_of(range_m: float, errors: SonarErrors = FLAWLESS) -> int:
 
 
 class SonarChain:
-    """The sensors in their firing order; those of the robot `name` in the world ignore its own body.
+    """The sensors `names` in their firing order; those of the robot `name` in the world ignore its own body.
 
     A trigger makes each sensor fire once, one every 100 ms, at the robot's pose of that time.  While the trigger is
     high, rounds follow each other.
@@ -72,7 +74,7 @@ class SonarChain:
     ) -> None:
         order = sorted(mounts, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
         self._mounts: Sequence[SonarMount] = [mounts[name] for name in order]
-        self._names = order
+        self.names = tuple(order)
         self.failed: Dict[str, str] = {}  # one of `STATES` by name of each sonar that has failed
         self._world = world
         self._pose_at = pose_at
@@ -94,7 +96,7 @@ class SonarChain:
             self._begin(time_s)
         if not on:
             self._powered_s = self._turn_s = math.inf
-            self._counts = dict.fromkeys(self._names, 0)
+            self._counts = dict.fromkeys(self.names, 0)
 
     def trigger(self, time_s: float) -> None:
         """A pulse on pin D12: starts a round, unless a round runs or the sensors are not ready yet."""
@@ -134,7 +136,7 @@ class SonarChain:
 
     def _finish(self, index: int) -> None:
         """Puts the reading of a sensor on its output."""
-        name = self._names[index]
+        name = self.names[index]
         state = self.failed.get(name)
         if state != STUCK:
             self._counts[name] = FULL_COUNT if state == DEAF else self._measured

@@ -7,7 +7,7 @@ from mrl_driver.errors import SimulatorError
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.protocol.table import NOT_CONNECTED
 from mrl_driver.robot.chips import CHIPS
-from mrl_driver.robot.models import ECHO_INPUTS, RobotModel, load_packaged
+from mrl_driver.robot.models import ECHO_INPUTS, RobotModel, SonarMount, load_packaged
 from mrl_driver.robot.wiring import RANGE_PINS, SERVOS, of_board
 from sim_arduino.world.scene import OTHERS, Environment
 from sim_arduino.world.world import World
@@ -48,6 +48,12 @@ def sonar_pins_of(model: RobotModel, board: Optional[Mapping[str, int]] = None) 
     outputs = [pins[f"pin_sonar_{name}"] for name in ("front", "left", "right")]
     channels = tuple(CHIPS[model.chip].pins[pin].channel if pin != NOT_CONNECTED else -1 for pin in outputs)
     return SonarPins(channels, pins["pin_sonar_trigger"], pins["pin_sonar_power"])
+
+
+def chain_of(model: RobotModel) -> Dict[str, SonarMount]:
+    """The MB1300 sonars of a robot, by input."""
+    mounts = {mount.input_of(each): mount for each, mount in model.sonars.items()}
+    return {each: mount for each, mount in mounts.items() if each not in ECHO_INPUTS}
 
 
 def range_wires_of(model: RobotModel) -> Dict[str, Wires]:
@@ -131,9 +137,8 @@ class Plant:
         self._spoilt, self.sonars_fitted = sensors.SpoiltReadings(environment_errors, seed), sonars
         mounts = {mount.input_of(each): mount for each, mount in model.sonars.items()} if sonars else {}
         wires = range_wires_of(model)
-        chain = {each: mount for each, mount in mounts.items() if each not in ECHO_INPUTS}
         shared = self.world, self._pose_at, name, sonar_errors, seed
-        self.sonars = SonarChain(chain, *shared)
+        self.sonars = SonarChain(chain_of(model) if sonars else {}, *shared)
         self.ranges = EchoRanges(wires, mounts, *shared)
         self._analog_ranges = analog_ranges_of(model)
         self.range_volts: Dict[str, Callable[[float], float]] = {

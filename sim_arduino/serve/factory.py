@@ -15,7 +15,8 @@ from sim_arduino.hardware.bridge_plant import has_bridge
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.hardware.environment_sensors import PERFECT, EnvironmentErrors
 from sim_arduino.hardware.imu import FLAWLESS_IMU, ImuErrors
-from sim_arduino.hardware.wiring import Plant
+from sim_arduino.hardware.sonars import FLAWLESS, OF_CHAIN
+from sim_arduino.hardware.wiring import Plant, chain_of
 from sim_arduino.hardware.xbee import LOWEST_ADDRESS, RadioFit
 from sim_arduino.world import world_file
 from sim_arduino.world.free_places import free_places
@@ -222,6 +223,10 @@ def _refusals(model: models.RobotModel, options: Options) -> Iterator[str]:
         yield f"build {options.build} is given for robot {model.name}, {_BRIDGED}"
     elif options.wiring is not None:
         yield f"wiring {options.wiring} is given for robot {model.name}, which has an OMNI-3MD; {_BRIDGED}"
+    errors = key_values.sonar_errors(options.sonar)
+    for key in OF_CHAIN if options.environment or not chain_of(model) else ():
+        if getattr(errors, key) != getattr(FLAWLESS, key):
+            yield f"--sonar {key} is given for robot {model.name}, which has no MB1300 sonars; leave it out"
     if not options.imu and (options.imu_seed or options.imu_errors):
         yield "errors of an IMU are given without an IMU, expected --imu too"
     if options.imu and old:

@@ -435,7 +435,12 @@ def needing(what):
         *((traxbot, name, "needs an IMU, robot traxbot has none") for name in needing("imu")),
         *((lambda: Plant(model("duo")), name, "needs inputs that stop it") for name in needing("inputs")),
         (traxbot, "radio_cut", "needs a radio, robot traxbot has none; expected --radio too"),
-        (lambda: Plant(model("traxbot"), sonars=False), "sonar_failed", "needs sonars"),
+        (lambda: Plant(model("traxbot"), sonars=False), "sonar_failed", "needs MB1300 sonars"),
+        (
+            lambda: Plant(bridged()._replace(sonars={})),
+            "sonar_failed",
+            "needs MB1300 sonars, robot duo has none",
+        ),
         (lambda: Plant(model("pioneer")), "wheel_slips", "needs motors, robot pioneer has none"),
         (lambda: Plant(bridged()), "motor_reversed", "needs an OMNI-3MD, robot duo has"),
     ],
@@ -460,6 +465,13 @@ def test_a_robot_without_the_part_has_no_such_fault(plant, name, text):
 def test_a_fault_of_a_place_that_the_robot_lacks_says_which_it_has(board, fault, text):
     with pytest.raises(ConfigError, match=f"is of {text}$"):
         FaultyEngine(SimpleNamespace(plant=Plant(bridged(**board))), [fault])
+
+
+def test_a_fault_of_a_sonar_that_the_robot_lacks_says_which_it_has():
+    base = model("traxbot")
+    plant = Plant(base._replace(sonars={"front": base.sonars["front"]}))
+    with pytest.raises(ConfigError, match="is of sonar left, robot traxbot has front$"):
+        FaultyEngine(SimpleNamespace(plant=plant), ["sonar_failed:sonar=left"])
 
 
 def test_a_rear_wheel_is_one_of_four():

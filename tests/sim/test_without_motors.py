@@ -44,6 +44,11 @@ def test_world_with_one_that_stands_there_is_refused(tmp_path):
         ({"robot": "duo", "wiring": 4096}, "wiring is 4096, expected 0 to 4095"),
         ({"robot": "duo", "environment": True}, "--environment is given for robot duo"),
         ({"robot": "duo", "profile": "2013-august"}, "boards of 2013 have no H-bridge"),
+        *(
+            ({"robot": "pioneer", "sonar": f"{key}=0.9"}, f"--sonar {key} is given for robot pioneer")
+            for key in ("crosstalk", "gain", "exponent")
+        ),
+        ({"environment": True, "sonar": "offset=0.01"}, "--sonar offset is given for robot traxbot"),
     ],
 )
 def test_options_that_do_not_fit_the_robot_are_refused_in_one_line(options, message):
