@@ -7,6 +7,7 @@ from typing import Any, Callable, Dict, Optional, Tuple
 
 from mrl_driver.protocol import table
 from mrl_driver.protocol.stop_reason import StopReason
+from mrl_driver.robot.chips import ATMEGA2560
 
 from .integers import divide
 from .parameter_store import EEPROM_BYTE_S, EEPROM_LOOK_S, Config
@@ -139,6 +140,9 @@ def _stop(board: Board) -> None:
 
 def _order_motors(row: table.Command, board: Board, *values: int) -> None:
     if row.name == "move_twist":
+        if values[1] and board.plant.model.chip != ATMEGA2560.name:
+            board.refuse("unavailable")  # two wheels cannot move sideways, however slowly
+            return
         values = _limited_twist(row, board, *values)
     elif row.name in _LIMITED:
         values = _limited(row, board, *values)

@@ -23,6 +23,7 @@ REFUSED = [
     ("move_omni", (30, 0, 90)),
     ("preset_encoder", (2, 1)),
     ("set_encoder_prescaler", (2, 0)),
+    ("move_twist", (1, 3, 32767)),
 ]
 
 
