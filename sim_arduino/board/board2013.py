@@ -11,6 +11,7 @@ from functools import partial
 from typing import Callable, Iterator, List, NamedTuple, Optional, Set, Tuple
 
 from mrl_driver.protocol.frames import to_int16
+from mrl_driver.protocol.table import BAUD
 from sim_arduino.hardware.environment_sensors import COMPASS_ADDRESS, THERMOPILE_ADDRESS
 from sim_arduino.hardware.omni3md import BoardGeometry
 from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
@@ -19,7 +20,7 @@ from sim_arduino.hardware.wiring import SONAR_POWER, SONAR_TRIGGER, Plant
 from . import parameter_store
 from .engine import Engine
 from .parameter_store import Config
-from .uart import IN_BYTE_S, OUT_BYTE_S, Outgoing, Ring
+from .uart import IN_BYTE_S, OUT_BYTE_S, Outgoing, Ring, through_line
 
 STOP_S = 0.011
 """From a reset to the stop of the motor board [s]; the real board sets it up within 70 ms, this one at once."""
@@ -71,6 +72,7 @@ class Board2013(Engine):
         first_id = plant.model.ids[0] if robot_id is None else robot_id
         self.eeprom = bytearray(parameter_store.image(parameter_store.defaults(first_id)))
         self.now_s = self._busy_s = 0.0
+        self._host_baud = float(BAUD)
         self._line: List[Tuple[float, int]] = []
         self._line_s = 0.0
         self._input = Ring(INPUT_BYTES)
@@ -81,7 +83,7 @@ class Board2013(Engine):
     # ---- the Engine interface
 
     def receive(self, data: bytes) -> None:
-        start = max(self.now_s, self._line_s)
+        data, start = through_line(data, self._host_baud, BAUD), max(self.now_s, self._line_s)
         self._line += [(start + (i + 1) * IN_BYTE_S, byte) for i, byte in enumerate(data)]
         self._line_s = start + len(data) * IN_BYTE_S
 
@@ -98,7 +100,11 @@ class Board2013(Engine):
         self.now_s = max(self.now_s, to_s)
         self._receive_until(self.now_s)
         self.plant.advance(self.now_s)
-        return self._out.take(self.now_s)
+        return through_line(self._out.take(self.now_s), self._host_baud, BAUD)
+
+    def set_host_baud(self, baud: float) -> None:
+        """Set the host's baud rate; if it is not 115200, bytes arrive corrupted."""
+        self._host_baud = baud
 
     @property
     def next_event_s(self) -> float:

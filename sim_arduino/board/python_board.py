@@ -28,7 +28,7 @@ from .radio_port import RadioHold, RadioPort
 from .range_task import RangeTask
 from .servo_outputs import ServoOutputs
 from .sonar_chain import SonarTask
-from .uart import OUT_BYTE_S, Incoming, Outgoing
+from .uart import OUT_BYTE_S, Incoming, Outgoing, through_line
 
 BOOT_S = 1.2e-3
 """From a reset to the motors' stop and the first request [s]; measured with the image, without the bootloader."""
@@ -37,7 +37,6 @@ CHECK_SILENCE_S = 2.0
 BAUD_SILENCE_S = 1.0
 BAUD_QUIET_S = 4 * TICK_S
 """The chip's wait after its queue is empty, because two bytes are still in the transmitter."""
-SAME_BAUD = 0.05  # two baud rates that differ by less than this share work together
 RETRY_S = 5e-3  # pause of a full-rate stream if its values are not available [s]
 ANSWERS = 8  # largest number of waiting replies; one more is dropped and counted as an overrun
 FETCH_S = {23: 0.64e-3, 25: 0.65e-3, 27: 0.0}
@@ -142,8 +141,7 @@ class PythonBoard(Engine):
         self._incoming.byte_s = 10.0 / baud
 
     def _through_line(self, data: bytes) -> bytes:
-        same = abs(self._host_baud / BAUDS[self.baud] - 1.0) < SAME_BAUD
-        return data if same else b"\xff" * len(data)
+        return through_line(data, self._host_baud, BAUDS[self.baud])
 
     @property
     def next_event_s(self) -> float:

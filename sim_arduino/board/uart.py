@@ -9,8 +9,14 @@ from mrl_driver.protocol.table import BAUD
 
 OUT_BYTE_S = 85.0e-6  # time of one byte from a Uno set to 115200 baud [s]; its real baud rate is 117647
 IN_BYTE_S = 10.0 / BAUD  # time of one byte from the host [s]
+SAME_BAUD = 0.05  # two baud rates that differ by less than this share work together
 _ROUNDING_S = 1e-9
 _PIECE = re.compile(b"[^e]*e|[^e]+")
+
+
+def through_line(data: bytes, sender_baud: float, receiver_baud: float) -> bytes:
+    """What arrives of `data`: garbage of the same length if the baud rates of both ends differ [Bd]."""
+    return data if abs(sender_baud / receiver_baud - 1.0) < SAME_BAUD else b"\xff" * len(data)
 
 
 class Outgoing:

@@ -4,6 +4,7 @@ import ctypes
 import errno
 import fcntl
 import os
+import re
 import select
 import struct
 import termios
@@ -16,8 +17,10 @@ from mrl_driver.protocol.table import BAUD
 _IN_OPEN, _IN_CLOSE = 0x20, 0x08 | 0x10
 _EVENT = struct.Struct("iIII")
 READ_BYTES = 256
-_FAST = {termios.B500000: 500000, termios.B1000000: 1000000, 0o010000: 250000}
-"""Baud rates by their code; the code for 250000 means "a custom rate".  All other codes count as the default rate."""
+_RATES = {getattr(termios, name): int(name[1:]) for name in dir(termios) if re.match(r"B\d\d", name)}
+"""Baud rates by their code."""
+_RATES.update({0o010000: 250000, termios.B38400: BAUD})
+"""The first code means "a custom rate".  The second is that of a pty on which no program has set a rate."""
 EVERYTHING = 65536
 
 
@@ -57,7 +60,7 @@ class PtyPort:
         self._settings = termios.tcgetattr(self._slave)
         self.path = os.ttyname(self._slave)
         self._clients = 0
-        self._left = b""
+        self._left, self._read_baud = b"", BAUD
         self.watch = _watch(self.path)
 
     def unplug(self) -> None:
@@ -76,8 +79,12 @@ class PtyPort:
 
     @property
     def baud(self) -> int:
-        """Baud rate that the host has set if it is one of the higher rates, else 115200."""
-        return _FAST.get(termios.tcgetattr(self._slave)[5], BAUD) if self.plugged else BAUD
+        """Baud rate that the host has set, with which the next bytes of `read` came; 115200 if it has set none."""
+        return self._read_baud if self._left else self._host_baud
+
+    @property
+    def _host_baud(self) -> int:
+        return _RATES.get(termios.tcgetattr(self._slave)[5], BAUD) if self.plugged else BAUD
 
     @property
     def is_open(self) -> bool:
@@ -122,6 +129,7 @@ class PtyPort:
     def _read(self, limit: int) -> bytes:
         if self.master is None:
             return b""
+        self._read_baud = self._host_baud
         try:
             return os.read(self.master, limit)
         except BlockingIOError:

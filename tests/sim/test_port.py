@@ -100,6 +100,34 @@ def test_settings_end_with_their_program(port):
     assert termios.tcgetattr(port.master) == before
 
 
+@pytest.mark.parametrize(
+    ("code", "baud"),
+    [
+        (termios.B9600, 9600),
+        (termios.B57600, 57600),
+        (termios.B115200, 115200),
+        (termios.B230400, 230400),
+        (termios.B500000, 500000),
+    ],
+)
+def test_the_rate_is_that_of_the_bytes(port, code, baud):
+    """Also of those that a program has left that is closed."""
+    with Client(port.path) as client:
+        port.newly_opened()
+        settings = termios.tcgetattr(client.fd)
+        settings[4:6] = code, code
+        termios.tcsetattr(client.fd, termios.TCSANOW, settings)
+        client.send(b"@13e")
+    port.newly_opened()
+    assert (port.baud, port.read(), port.baud) == (baud, b"@13e", 115200)
+
+
+def test_a_program_that_sets_no_rate_has_that_of_the_board(port):
+    with Client(port.path):
+        port.newly_opened()
+        assert port.baud == 115200
+
+
 def test_a_link_replaces_an_old_one_until_it_is_removed(tmp_path):
     name = str(tmp_path / "ttyTRAX0")
     SymbolicLink(name, "/dev/pts/98")

@@ -277,6 +277,18 @@ def test_a_fast_line_waits_for_what_it_has_to_tell(code, rate_hz):
     assert board.advance(1.7).count(b"\n") / 0.5 == pytest.approx(rate_hz, rel=0.06)
 
 
+@pytest.mark.parametrize("board", [PythonBoard, Board2013])
+def test_a_host_with_another_rate_is_not_understood(board):
+    board = board(Plant(TRAXBOT))
+    board.set_host_baud(9600.0)
+    board.advance(4.0)
+    board.receive(b"@5e")
+    assert board.advance(5.0).strip(b"\xff") == b""
+    board.set_host_baud(115200.0)
+    board.receive(b"@5e")
+    assert board.advance(6.0).startswith(b"@5,")
+
+
 @pytest.mark.parametrize(
     ("image", "robot_id", "axis_radius", "sound"),
     [
