@@ -110,7 +110,8 @@ class FaultyEngine:
         self.now_s = 0.0
         self._seed, self._count = seed, 0
         self._chains = {TO_BOARD: Chain(), TO_HOST: Chain()}
-        self._frozen, self._unplugged = _Switch(self._freeze), _Switch(lambda on: None)
+        self.unplugs = 0  # number of times that the cable was unplugged
+        self._frozen, self._unplugged = _Switch(self._freeze), _Switch(self._pull)
         self._of_board = {
             "freeze": self._frozen,
             "unplug": self._unplugged,
@@ -273,6 +274,9 @@ class FaultyEngine:
         if not frozen:
             self.engine.gap(self.now_s, self._waiting)
             self._waiting = b""
+
+    def _pull(self, unplugged: bool) -> None:
+        self.unplugs += unplugged
 
     def _arrive(self, data: bytes) -> None:
         """Passes on bytes that reach the board's end of the line."""

@@ -69,6 +69,7 @@ class Control:
         self.fd = fd
         self._faults, self._plugged, self._report = faults, plugged, report
         self._rest = b""
+        self._unplugs = 0  # those that the port has seen
 
     def attend(self, port: BoardPort) -> None:
         """Carries out the orders that have arrived, then plugs or unplugs `port`."""
@@ -77,12 +78,13 @@ class Control:
                 obey(self._faults, line)
             except ConfigError as error:
                 self._report(str(error))
+        if self._faults.unplugs != self._unplugs and port.plugged:  # perhaps it is plugged in again already
+            self._plugged("")
+            port.unplug()
+        self._unplugs = self._faults.unplugs
         if self._faults.plugged and not port.plugged:
             port.plug()
             self._plugged(port.path)
-        elif not self._faults.plugged and port.plugged:
-            self._plugged("")
-            port.unplug()
 
     def _lines(self) -> List[str]:
         """The complete lines that have arrived; none after the other end is closed."""

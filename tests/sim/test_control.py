@@ -95,6 +95,18 @@ def test_orders_in_pieces_are_joined():
         os.close(into)
 
 
+def test_a_port_is_unplugged_however_short_it_was(close_later):
+    """The board may run past the whole time before anybody looks."""
+    faults, port, told = FaultyEngine(Echo()), close_later(PtyPort()), []
+    control, before = Control(faults, None, told.append, told.append), port.path
+    control.attend(port)
+    faults.unplug(0.01)
+    faults.advance(1.0)
+    control.attend(port)
+    control.attend(port)
+    assert told == ["", port.path] and port.path != before
+
+
 def test_times_of_an_ordered_fault_count_from_now():
     engine = FaultyEngine(Echo())
     engine.advance(5.0)
