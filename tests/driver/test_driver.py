@@ -28,6 +28,7 @@ from mrl_driver.session.events import Awaited
 from mrl_driver.transport import open_link
 from mrl_driver.transport.link import SerialLink
 from mrl_driver.transport.relay import STOP_2013
+from tests.fake_board import FakeBoard
 from tests.waiting import PATIENCE_S, drive_until, require_median, wait_until
 
 TURN, STOP = BY_NAME["move_motors_pid"].code, BY_NAME["stop"].code
