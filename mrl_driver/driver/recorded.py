@@ -223,6 +223,11 @@ class RecordedDriver(Driver):
         """Time by which the wall clock was ahead of `now_s` [s]."""
         return self._clock_ahead_s
 
+    @property
+    def ready(self) -> bool:
+        """As for `Driver`, of the recorded one: telemetry is not stale, and the driver has not ended."""
+        return self._core.begun and self._core.session.ready and not self._quiet
+
     def on_sent(self, callback: Callable[[Sent], None]) -> None:
         """Call `callback` for each frame, or garbage, that the host sent."""
         self._on_sent.append(require_function("callback", callback))

@@ -16,7 +16,7 @@ from typing import Callable, Optional, Protocol, Tuple, Union
 from mrl_driver.arguments import shown
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.recording.recording import ENDED
+from mrl_driver.recording.recording import CLOSED, ENDED
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.transport.link import Link
 
@@ -139,6 +139,7 @@ class SteppedConnection(Connection):
                 self.flush()
         finally:
             self.closing = True
+            self.remark(ENDED + CLOSED)
             self.links.end_recording()
 
     def _step(self, end_s: float) -> None:

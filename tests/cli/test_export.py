@@ -2,6 +2,7 @@
 
 import csv
 import errno
+import math
 import os
 import subprocess
 import sys
@@ -138,6 +139,15 @@ def test_a_table_has_a_row_for_each_telemetry(rows, telemetry):
     assert rows and [(float(row["x_m"]), float(row["yaw_rad"])) for row in rows] == [
         (each.pose.x_m, each.pose.yaw_rad) for each in telemetry
     ]
+
+
+def test_a_table_has_speeds_and_ranges(rows, telemetry):
+    """A cell is empty only if nobody has measured its value."""
+    assert [float(row["speed_m_s"]) for row in rows] == [each.twist.linear_m_s for each in telemetry]
+    for row, each in zip(rows, telemetry):
+        seen = float(row["sonar_front_m"] or "nan")
+        assert seen == pytest.approx(each.ranges.get("front", math.nan), nan_ok=True)
+    assert any(row["sonar_front_m"] for row in rows)
 
 
 def test_a_damaged_clock_is_moved_into_the_range_of_ros(recording, tmp_path):

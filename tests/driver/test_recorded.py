@@ -66,6 +66,14 @@ def listen(robot):
     return found
 
 
+def shown(robot):
+    """A list that gets the values that the callbacks of this driver can read."""
+    found = []
+    for listen_to in (robot.on_telemetry, lambda listener: robot.on(SensorRead, listener)):
+        listen_to(lambda _: found.append((robot.ready, robot.twist, robot.ranges, robot.sensors)))
+    return found
+
+
 def drive(robot):
     """Turns, stops and new poses, in four seconds."""
     if not robot.model.drives:
@@ -86,12 +94,12 @@ def runs(request, tmp_path_factory):
     path = str(tmp_path_factory.mktemp("drive") / "drive.mrl")
     emulated = factory.make(factory.Options(world="square", seed=3, **BOARDS[request.param]))
     driven = SteppedDriver(emulated.engine, options=Options(record=path))
-    heard = listen(driven)
+    heard, driven.shown = listen(driven), shown(driven)
     with driven:
         drive(driven)
     emulated.close()
     played = RecordedDriver(path)
-    replayed, played.sent, played.heard = listen(played), [], []
+    replayed, played.sent, played.heard, played.shown = listen(played), [], [], shown(played)
     played.on_sent(played.sent.append)
     played.on_heard(played.heard.append)
     played.play()
@@ -104,9 +112,27 @@ def test_listeners_get_the_same_to_the_last_bit(runs):
     assert [repr(event) for event in replayed] == [repr(event) for event in heard]
 
 
+def test_its_callbacks_read_the_same_speeds_ranges_and_sensors(runs):
+    driven, _, played, _ = runs
+    assert [repr(values) for values in played.shown] == [repr(values) for values in driven.shown]
+    assert any(ready and (ranges or sensors) for ready, _, ranges, sensors in played.shown)
+
+
 def test_its_state_at_the_end_is_the_same(runs):
     driven, _, played, _ = runs
-    for name in ("pose", "ranges", "imu", "imu_state", "status", "model", "board", "telemetry"):
+    for name in (
+        "pose",
+        "twist",
+        "ranges",
+        "sensors",
+        "ready",
+        "imu",
+        "imu_state",
+        "status",
+        "model",
+        "board",
+        "telemetry",
+    ):
         assert repr(getattr(played, name)) == repr(getattr(driven, name)), name
 
 
