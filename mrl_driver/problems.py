@@ -180,8 +180,10 @@ board_stalled: The board was busy for too long
   remedy: check the I2C wires and devices; if the board has none, report it with:
     mrl doctor --report --port PORT
 board_silent: The board sent nothing for a while
-  cause: The board made no telemetry, though the connection was there.
-  remedy: check the board's power, and its I2C wires if it has any; report it with:
+  also: The board fell silent, and stayed silent
+  cause: The board made no telemetry, though the connection was there. If it stayed silent, the board has lost its power
+    or hangs, or the line carries nothing more.
+  remedy: check the board's power, the cable, and the I2C wires if it has any; report it with:
     mrl doctor --report --port PORT
 debug_text: The board sends text between its frames
   cause: Debug mode is on, or the sketch prints. Text delays telemetry and commands.

@@ -64,6 +64,20 @@ def test_a_line_that_holds_data_back_is_not_a_busy_computer(fault, kind, duratio
     assert found.kind == kind and found.data.startswith(proof)
 
 
+@pytest.mark.parametrize(
+    "fault, profile",
+    [
+        ("loss:rate=1,at=4,direction=to_host", "current"),
+        ("loss:rate=1,at=4,direction=to_host", "2013-august"),
+        ("freeze:at=4,lasts=100", "current"),
+    ],
+)
+def test_a_board_that_stays_silent_to_the_end_is_a_finding_with_its_last_frame(fault, profile, tmp_path):
+    drive = Drive("silent", board={"faults": (fault,), "profile": profile}, duration_s=6.0, seed=3)
+    (found,) = findings_of(drive, tmp_path)
+    assert found.kind == "board_silent" and found.time_s == pytest.approx(4.0, abs=0.2) and found.data
+
+
 def test_a_program_that_ended_because_its_port_went_away_has_lost_its_link(tmp_path):
     path = tmp_path / "drive.mrl"
     record(Drive("good", duration_s=3.0), str(path))

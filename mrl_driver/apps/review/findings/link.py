@@ -6,8 +6,10 @@ from typing import Iterator, List, NamedTuple, Tuple
 import numpy as np
 
 from mrl_driver.apps.review.drive_data import DriveData
+from mrl_driver.errors import LinkLost
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD
+from mrl_driver.recording.recording import ENDED, FROM_BOARD, LOST, TO_BOARD
+from mrl_driver.session.events import Ready, Stale
 from mrl_driver.session.session import LATE_S, STALE_S
 
 from .evidence import (
@@ -49,6 +51,10 @@ RESUMED_S, RESUMED = 1.5, 3
 """Commands come too rarely if they time out this often, and another one follows within this time [s]."""
 
 
+_LOST = LOST.decode(), ENDED.decode() + LinkLost.__name__
+"""Remarks on a lost port begin with one of these."""
+
+
 class _Silence(NamedTuple):
     """A time without telemetry."""
 
@@ -65,6 +71,7 @@ def check(drive: DriveData) -> Iterator[Finding]:
     """Return what is wrong with the line."""
     for part in (_damage, _losses, _unanswered, _texts, _command_gaps, _skipped):
         yield from part(drive)
+    yield from _silent_end(drive)
     silences = _silences(drive)
     for of_silences in (_late_host, _silent, _slow):
         yield from of_silences(drive, silences)
@@ -237,10 +244,27 @@ def _silent(drive: DriveData, silences: List[_Silence]) -> Iterator[Finding]:
             yield finding(kind, weight, text, heard(drive, found[0].end_s, *TELEMETRY))
 
 
+def _silent_end(drive: DriveData) -> Iterator[Finding]:
+    """The telemetry stopped, and did not come back before the recording ended; the port was still there."""
+    states = [(time_s, event) for time_s, event in drive.events if isinstance(event, (Ready, Stale))]
+    frames = drive.heard.times_of(*TELEMETRY)
+    if not states or not isinstance(states[-1][1], Stale) or not len(frames):
+        return
+    stale_s = states[-1][0]
+    last_s = float(frames[max(0, int(np.searchsorted(frames, stale_s, side="right")) - 1)])
+    if not any(time_s >= last_s and text.startswith(_LOST) for time_s, text in drive.remarks):
+        text = (
+            f"No telemetry arrived from {last_s:.1f} s to the end of the recording, for "
+            f"{drive.duration_s - last_s:.1f} s: the board or the line failed. This is the last frame."
+        )
+        title = "The board fell silent, and stayed silent"
+        yield finding("board_silent", 84, text, heard(drive, last_s, *TELEMETRY), title=title)
+
+
 def _lost_link(drive: DriveData, cut: List[_Silence]) -> Iterator[Finding]:
     """The connection ended, for the time of these silences or for good."""
     lost = [stop for stop in drive.stops if stop.reason == StopReason.LINK_LOST]
-    ended_s = [time_s for time_s, text in drive.remarks if text.startswith("ended LinkLost")]
+    ended_s = [time_s for time_s, text in drive.remarks if text.startswith(_LOST[1])]
     begins_s = [each.begin_s for each in cut] + [stop.time_s for stop in lost] + ended_s
     begins_s += [time_s for time_s, _ in drive.opened[1:]]
     if begins_s:
