@@ -79,6 +79,7 @@ _GREETING_S, _LONG_GREETING_S = 1.0, 5.0
 without it.  The longer time is for files that have each turn of the driver [s].  After `_LEAST_MOVES` commands it does
 not wait: no driver sends them in a greeting."""
 _PROTOCOL_S, _SILENCE_S = 0.5, 0.5
+_OLDEST_STAMP_S = 10.0  # a session that is joined has telemetry that is younger, or the file is damaged [s]
 _MOST_FAILURES = 3
 _INFO, _PROTOCOL, _CHECK, _IMU = (
     BY_NAME[name].code for name in ("robot_info", "read_protocol", "set_check", "read_imu")
@@ -432,7 +433,9 @@ class RecordedDriver(Driver):
         joined = session_of(rest.decode("utf-8", "replace")) if kind == b"joined" else None
         if joined is not None:
             board, stream_code, checked, stamp_s, last, bias = joined
-            self._tell(self._join(board, stream_code, checked, stamp_s if last is not None else now, last))
+            if last is None or abs(now - stamp_s) > _OLDEST_STAMP_S:
+                stamp_s, last = now, None
+            self._tell(self._join(board, stream_code, checked, stamp_s, last))
             if bias is not None and core.state.tracker is not None:
                 core.state.tracker.heading.resume(bias)
 

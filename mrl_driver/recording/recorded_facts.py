@@ -8,7 +8,7 @@ import math
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.geometry import Pose
+from mrl_driver.geometry import FARTHEST_M, Pose
 from mrl_driver.json_text import exact_json
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_reply
 from mrl_driver.protocol.table import INT16_MAX
@@ -134,5 +134,7 @@ def pose_of(data: bytes) -> Optional[Tuple[Pose, Spread]]:
     if len(numbers) != 9:
         return None
     x_m, y_m, yaw_rad, xx, xy, x_yaw, yy, y_yaw, yaw_yaw = numbers
+    if max(abs(x_m), abs(y_m)) > FARTHEST_M or abs(yaw_rad) > math.pi:  # no driver sets such a pose
+        return None
     spread = xx, xy, x_yaw, yy, y_yaw, yaw_yaw
     return (Pose(x_m, y_m, yaw_rad), spread) if is_covariance(spread) else None

@@ -484,6 +484,24 @@ def test_a_pose_is_read_with_its_covariance():
         assert pose_of(damaged) is None
 
 
+@pytest.mark.parametrize("far", ["1.1e8 0 0", "0 -1.1e8 0", "0 0 3.2", "0 0 -3.2"])
+def test_a_pose_that_no_driver_sets_is_not_read(far):
+    """Charts and messages have no numbers for it."""
+    assert pose_of(f"{far} 1 0 0 1 0 1".encode()) is None
+    assert pose_of(b"1e8 -1e8 3.14 1 0 0 1 0 1") is not None
+
+
+@pytest.mark.parametrize("stamp_s", [1e308, -1e308, 999.0])
+def test_a_session_with_a_damaged_time_has_the_stamps_of_now(tmp_path, stamp_s):
+    """Messages have no numbers for times as far away as that."""
+    code = BY_NAME["read_encoders_and_sonars"].code
+    frame = encode_reply(code, 1, 2, 30, 40, 50).decode().strip()
+    facts = {**SAVED, "stream": code, "frame": frame, "stamp_s": stamp_s}
+    lines = ["#mrl-recording 1 {}\n", "0.1 ! opened x\n", f"0.1 ! session joined {json.dumps(facts)}\n"]
+    _, found = replay(tmp_path / "x.mrl", [*lines, f"0.2 < {frame}\\r\\n\n"])
+    assert [each.stamp_s for each in of_kind(found, Telemetry)] == [0.2]
+
+
 def test_a_request_that_turned_motors_plays_without_a_stop(tmp_path):
     """The replay does not know that the request turns the wheels, and has nobody to stop."""
     path = str(tmp_path / "requested.mrl")
