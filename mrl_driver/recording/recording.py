@@ -80,6 +80,7 @@ _NUMBER = re.compile(r"[0-9]{1,9}")
 FLUSH_S, HOLD_S = 0.2, 0.05
 """The file is written this often; an entry waits for this time, because a thread may pause before it adds an older one
 [s]."""
+SYNC_S = 1.0  # the file is put on the disk this often, because a computer without power forgets the rest [s]
 _MOST_WAITING = 20000
 LONGEST_LINE = 1 << 20
 AHEAD = 7  # a line is later than most of this many lines behind it: its time is damaged, not theirs
@@ -109,7 +110,8 @@ def now_s() -> float:
 class Recorder:
     """Appends to a recording from any thread without ever blocking or stopping its caller.
 
-    A separate thread writes five times a second, so at most a quarter of a second is lost if the process is killed.
+    A separate thread writes five times a second, so at most a quarter of a second is lost if the process is killed,
+    unless the disk is slow.  Once a second it puts the file on the disk, for a loss of power.
     After a failed write, `error` holds the reason, `lost` counts the lost lines, and the next write is tried.  With a
     `clock` of simulated time there is no such thread; `add` writes.  Only this user can read a new file.  ConfigError
     if it cannot be created, or another recorder writes it.
@@ -168,13 +170,24 @@ class Recorder:
             if self._thread is not None:
                 self._thread.join()
             self._save()
+            if self._thread is not None:
+                self._sync()
             with contextlib.suppress(OSError):  # a forked child has the descriptor, too
                 fcntl.flock(self._fd, fcntl.LOCK_UN)
             os.close(self._fd)
 
     def _run(self) -> None:
+        synced_s = self._start_s
         while not wait_until(self._ended.is_set, FLUSH_S):
             self._save(self._clock() - self._start_s - HOLD_S)
+            if self._clock() >= synced_s + SYNC_S:
+                self._sync()
+                synced_s = self._clock()
+
+    def _sync(self) -> None:
+        """Put what was written on the disk."""
+        with contextlib.suppress(OSError):  # a pipe has no disk; of one that is gone, the next write says so
+            os.fdatasync(self._fd)
 
     def _save(self, before_s: float = math.inf) -> None:
         """Write the entries from before this time, in the order of their times."""

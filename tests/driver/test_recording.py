@@ -78,6 +78,21 @@ def test_what_was_added_is_on_the_disk_within_a_second(tmp_path):
     assert "recorder" not in [each.name for each in threading.enumerate()]
 
 
+def test_what_was_written_is_put_on_the_disk_by_the_thread_that_writes(tmp_path, monkeypatch):
+    """Linux keeps it in memory for half a minute, and a loss of power costs all of that."""
+    path, synced = tmp_path / "log", []
+    monkeypatch.setattr(recording, "SYNC_S", 0.0)
+    monkeypatch.setattr(
+        os, "fdatasync", lambda fd: synced.append((threading.current_thread().name, path.read_bytes()))
+    )
+    recorder = Recorder(str(path))
+    recorder.add(FROM_BOARD, b"@6,1,2e")
+    wait_until(lambda: any(name == "recorder" and b"@6,1,2e" in data for name, data in synced))
+    recorder.add(FROM_BOARD, b"@6,3,4e")
+    recorder.close()
+    assert b"@6,3,4e" in synced[-1][1]
+
+
 def recorded_late(path, monkeypatch, meanwhile):
     """Data of a recording in which a thread pauses between the time of `late` and its line, and the lines skipped."""
     recorder, clock, paused = Recorder(str(path)), time.monotonic_ns, []
