@@ -34,12 +34,14 @@ from mrl_driver.protocol import REPLIES, REQUESTS_TO_ANY, Event, Frame
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.decoded import LINE_BYTES, FrameReader
-from mrl_driver.recording.recorded_facts import model_of, numbers_of, pose_of, session_of
+from mrl_driver.recording.recorded_facts import Gap, gap_of, model_of, numbers_of, pose_of, session_of
 from mrl_driver.recording.recording import (
     CLOCK,
     CLOSED,
     ENDED,
+    ENDS,
     FROM_BOARD,
+    LACKS,
     LOST,
     MODEL,
     OPENED,
@@ -92,7 +94,7 @@ _GREETING = {
     ),
 }
 """Requests of a greeting."""
-_OWN_REMARKS = (OPENED, SESSION, POSE, STOP, CLOCK, LOST, RECONNECTED, SLOWED, ENDED)
+_OWN_REMARKS = (OPENED, SESSION, POSE, STOP, CLOCK, LOST, RECONNECTED, SLOWED, ENDED, LACKS, ENDS)
 """`RecordedDriver` has a method for each: `_on_opened` and so on."""
 
 
@@ -175,6 +177,8 @@ class RecordedDriver(Driver):
     Attributes:
         recording: the file.
         time_s: time of the entry that is being played, since the recording began [s].
+        gaps: lines that could not be written, so far.
+        breaks_off: nobody ended the recording: the program was killed, or the computer lost its power; after `play`.
 
     Raises:
         ConfigError: the file is not a recording, or the robot model is unknown or invalid.
@@ -201,6 +205,8 @@ class RecordedDriver(Driver):
         self._connection.clock = lambda: self._now
         self._connection.closing = True
         self._connection.refusal = f"nothing is sent to the robot of a recording ({self.recording.path})"
+        self.gaps: List[Gap] = []
+        self.breaks_off = header.get("marks_end") is True
         self._session_known = opening.has_session
         self._played = self._quiet = False
         self._serving = not opening.has_session
@@ -477,6 +483,14 @@ class RecordedDriver(Driver):
     def _on_slowed(self, data: bytes, _: float) -> None:
         if data.isdigit() and len(data) < 10:
             self._tell([Slowed(int(data))])
+
+    def _on_file_lacks(self, data: bytes, _: float) -> None:
+        gap = gap_of(data, self.time_s)
+        if gap is not None:
+            self.gaps.append(gap)
+
+    def _on_file_ends(self, _: bytes, __: float) -> None:
+        self.breaks_off = False
 
     def _on_ended(self, data: bytes, now: float) -> None:
         """Report the error that ended the driver; nothing is reported after it."""

@@ -87,7 +87,7 @@ def summarise(
         "pose": recorded.pose._asdict() if counts else None,
         "sensors": tally.sensors,
         "imu": recorded.imu_state,
-        "skipped_lines": recording.skipped_count,
+        "skipped_lines": recording.skipped_count + sum(gap.lines for gap in recorded.gaps),
         "skipped": {str(number): reason for number, reason in recording.skipped.items()},
     }
 

@@ -128,6 +128,27 @@ def numbers_of(data: bytes) -> List[float]:
     return numbers if all(map(math.isfinite, numbers)) else []
 
 
+class Gap(NamedTuple):
+    """Lines that could not be written."""
+
+    begin_s: float
+    end_s: float
+    """Times of the lines before and behind them [s since the recording began]."""
+    lines: int
+    reason: str
+
+
+def gap_of(data: bytes, end_s: float) -> Optional[Gap]:
+    """Return the gap that ends at this time, with the facts in this text; None if it is damaged."""
+    try:
+        found = json.loads(data)
+        lines, begin_s, reason = found["lines"], float(found["since_s"]), str(found["reason"])
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError):
+        return None
+    fits = type(lines) is int and 0 < lines < 1 << 60 and 0.0 <= begin_s <= end_s
+    return Gap(begin_s, end_s, lines, reason) if fits else None
+
+
 def pose_of(data: bytes) -> Optional[Tuple[Pose, Spread]]:
     """Return the pose in this text and its covariance; None if it is damaged."""
     numbers = numbers_of(data)

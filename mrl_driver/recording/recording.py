@@ -61,8 +61,14 @@ LOST, RECONNECTED, SLOWED = b"lost ", b"reconnected ", b"slowed "
 again (its name), or now has this baud rate."""
 ENDED, CLOSED = b"ended ", b"closed"
 """A remark: the listeners of the driver get nothing more; `closed` or the error that ended it follows."""
+LACKS = b"file_lacks "
+"""A remark: lines before it could not be written.  A JSON object follows: their number `lines`, the time `since_s` of
+the last one before them [s], and the `reason`."""
+ENDS = b"file_ends"
+"""A remark, the last one: the recording was ended.  If it is missing and the header has `marks_end`, the program was
+killed, the computer lost its power, or the file was cut."""
 _OWN = (OPENED, CHECKED, PLAIN, SESSION, MODEL, POSE, STOP, CLOCK, LOST, RECONNECTED, SLOWED, ENDED)
-OWN_REMARKS = tuple(word.strip() for word in _OWN)
+OWN_REMARKS = tuple(word.strip() for word in (*_OWN, LACKS, ENDS))
 """First words of the driver's own remarks.  Readers ignore those that they do not know."""
 _MAGIC = "#mrl-recording"
 _BLANK = b"\xef\xbb\xbf \t\r\n"
@@ -122,9 +128,12 @@ class Recorder:
         self.lost = 0
         self.error = ""
         self._torn = False
+        self._dropped = self._noted = self._missing = 0
+        """Lines that found no place, those of them that were noted, and the lost lines that the next write reports."""
         self._waiting: Deque[Entry] = deque()
         self._held: List[Entry] = []
-        self._written_s = 0.0
+        self._written_s = self._kept_s = 0.0
+        """Time of the last line that was made, and of the last one that is in the file [s]."""
         self._ended = threading.Event()
         try:
             self._fd = _open_alone(path)
@@ -134,7 +143,7 @@ class Recorder:
         self._clock = clock or now_s
         self._start_s = self._clock()
         started = datetime.datetime.now(datetime.timezone.utc).isoformat()
-        header.update(clock_us=round(self._start_s * 1e6), started=started)
+        header.update(clock_us=round(self._start_s * 1e6), started=started, marks_end=True)
         self._write(f"{_MAGIC} {VERSION} {exact_json(header)}\n", 1)
         self._thread: Optional[threading.Thread] = None
         if clock is None:
@@ -150,6 +159,7 @@ class Recorder:
         """Record `data`, which was sent in `direction` just now, or at this time of the driver's clock [s]."""
         if len(self._waiting) >= _MOST_WAITING:
             self.lost += 1
+            self._dropped += 1
             self.error = self.error or "the disk is too slow"
             return
         time_s = (self._clock() if at_s is None else at_s) - self._start_s
@@ -170,6 +180,7 @@ class Recorder:
             if self._thread is not None:
                 self._thread.join()
             self._save()
+            self._save(ends=True)  # after a report of lines for which there was no place
             if self._thread is not None:
                 self._sync()
             with contextlib.suppress(OSError):  # a forked child has the descriptor, too
@@ -189,14 +200,23 @@ class Recorder:
         with contextlib.suppress(OSError):  # a pipe has no disk; of one that is gone, the next write says so
             os.fdatasync(self._fd)
 
-    def _save(self, before_s: float = math.inf) -> None:
-        """Write the entries from before this time, in the order of their times."""
+    def _save(self, before_s: float = math.inf, ends: bool = False) -> None:
+        """Write the entries from before this time, in the order of their times; `ends`: they are the last ones."""
+        dropped = self._dropped
         self._held += [self._waiting.popleft() for _ in range(len(self._waiting))]
         self._held.sort(key=lambda entry: entry.time_s)  # a thread may pause before it appends
         count = sum(entry.time_s < before_s for entry in self._held)
-        if count:
-            self._write("".join(map(self._line, self._held[:count])), count)
-            del self._held[:count]
+        entries = self._held[:count]
+        del self._held[:count]
+        if ends:
+            entries.append(Entry(self._clock() - self._start_s, REMARK, ENDS))
+        if entries and self._missing:
+            facts = {"lines": self._missing, "since_s": round(self._kept_s, 6), "reason": self.error}
+            entries.insert(0, Entry(entries[0].time_s, REMARK, LACKS + exact_json(facts).encode()))
+        if entries:
+            self._write("".join(map(self._line, entries)), count)
+        self._missing += dropped - self._noted  # they are later than the ones that waited
+        self._noted = dropped
 
     def _line(self, entry: Entry) -> str:
         """The entry as a line, not before the last one: the time of an entry that missed its turn is moved."""
@@ -205,16 +225,22 @@ class Recorder:
         return f"{self._written_s:.6f} {entry.direction} {text}\n"
 
     def _write(self, text: str, lines: int) -> None:
-        data = (("\n" if self._torn else "") + text).encode()
+        data, lost = (("\n" if self._torn else "") + text).encode(), lines
         try:
             done = os.write(self._fd, data)
-            self._torn = done < len(data)
-            self.lost += data[done:].count(b"\n")
-            if self._torn:
-                self.error = "the disk accepted only a part of a line"
         except OSError as error:
             self.error = error.strerror or str(error)
-            self.lost += lines
+        else:
+            lost = min(lines, data[done:].count(b"\n"))
+            if b"\n" in data[:done].lstrip(b"\n"):  # the first line, with the report of those before
+                self._missing = 0
+            self._torn = done < len(data)
+            if self._torn:
+                self.error = "the disk accepted only a part of a line"
+            else:
+                self._kept_s = self._written_s
+        self.lost += lost
+        self._missing += lost
 
 
 def _open_alone(path: str) -> int:

@@ -19,11 +19,14 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.files import create_unused
 from mrl_driver.geometry import Pose
 from mrl_driver.recording import recording
-from mrl_driver.recording.recorded_facts import model_text
+from mrl_driver.recording.recorded_facts import Gap, gap_of, model_text
 from mrl_driver.recording.recorded_link import DriverRecording, RecordedLink
 from mrl_driver.recording.recording import (
+    ENDS,
     FROM_BOARD,
+    LACKS,
     LONGEST_LINE,
+    REMARK,
     TO_BOARD,
     Recorder,
     Recording,
@@ -48,6 +51,13 @@ def record(path, chunks, **header):
     return recorder
 
 
+def kept(path):
+    """Direction and data of the entries, without the mark of the end."""
+    *entries, end = Recording(str(path))
+    assert (end.direction, end.data) == (REMARK, ENDS)
+    return [(entry.direction, entry.data) for entry in entries]
+
+
 def read(tmp_path, text):
     path = tmp_path / "log"
     path.write_bytes(text if isinstance(text, bytes) else text.encode("latin-1"))
@@ -60,7 +70,7 @@ def read(tmp_path, text):
 def test_bytes_come_back(tmp_path_factory, chunks):
     path = tmp_path_factory.mktemp("log") / "log"
     record(path, chunks)
-    assert [(entry.direction, entry.data) for entry in Recording(str(path))] == chunks
+    assert kept(path) == chunks
 
 
 def test_what_was_added_is_on_the_disk_within_a_second(tmp_path):
@@ -109,8 +119,7 @@ def recorded_late(path, monkeypatch, meanwhile):
     monkeypatch.setattr(time, "monotonic_ns", pausing)
     recorder.add(TO_BOARD, b"late")
     recorder.close()
-    recording = Recording(str(path))
-    return [entry.data for entry in recording], recording.skipped_count
+    return [data for _, data in kept(path)], Recording(str(path)).skipped_count
 
 
 def test_a_thread_that_pauses_while_it_records_keeps_the_order(tmp_path, monkeypatch):
@@ -126,7 +135,7 @@ def test_a_line_waits_for_an_older_one_of_another_thread(tmp_path, monkeypatch):
     time.sleep(0.02)
     recorder.add(FROM_BOARD, b"late", now + 0.001)
     recorder.close()
-    first, second = Recording(str(tmp_path / "log"))
+    first, second, _ = Recording(str(tmp_path / "log"))
     assert (first.data, second.data) == (b"late", b"other")
     assert second.time_s - first.time_s == pytest.approx(0.001, abs=1e-6)
 
@@ -150,7 +159,7 @@ def test_a_recording_that_is_being_written_is_not_replaced(tmp_path):
         Recorder(str(tmp_path / "log"))
     first.add(FROM_BOARD, b"@6,1,2e")
     first.close()
-    assert [entry.data for entry in Recording(str(tmp_path / "log"))] == [b"@6,1,2e"]
+    assert kept(tmp_path / "log") == [(FROM_BOARD, b"@6,1,2e")]
     record(tmp_path / "log", [])
 
 
@@ -159,7 +168,10 @@ def test_a_disk_that_is_too_slow_costs_the_lines_that_wait_for_no_place(tmp_path
     monkeypatch.setattr(recording, "FLUSH_S", PATIENCE_S)
     recorder = record(tmp_path / "log", [(FROM_BOARD, b"")] * 20003)
     assert (recorder.lost, recorder.error) == (3, "the disk is too slow")
-    assert len(list(Recording(str(tmp_path / "log")))) == 20000
+    *lines, lack, _ = Recording(str(tmp_path / "log"))
+    assert len(lines) == 20000 and gap_of(lack.data[len(LACKS) :], lack.time_s) == Gap(
+        lines[-1].time_s, lack.time_s, 3, "the disk is too slow"
+    )
 
 
 @pytest.mark.parametrize(
@@ -204,6 +216,9 @@ def test_the_reason_of_a_loss_is_kept_when_there_is_room_again(tmp_path, monkeyp
     recorder.add(FROM_BOARD, b"kept")
     recorder.close()
     assert f"lacks 1 lines: {os.strerror(errno.ENOSPC)}" in recorder.loss
+    (_, lack), line = kept(tmp_path / "log")
+    assert line == (FROM_BOARD, b"kept")
+    assert json.loads(lack[len(LACKS) :]) == {"lines": 1, "since_s": 0.0, "reason": os.strerror(errno.ENOSPC)}
 
 
 def test_the_line_after_one_that_the_disk_took_in_part_is_whole(tmp_path, monkeypatch):
@@ -215,9 +230,12 @@ def test_the_line_after_one_that_the_disk_took_in_part_is_whole(tmp_path, monkey
     recorder.add(FROM_BOARD, b"whole")
     recorder.close()
     assert (recorder.lost, recorder.error) == (1, "the disk accepted only a part of a line")
+    reason = f'"reason": "{recorder.error}"}}'.split()
     assert [line.split(" ")[2:] for line in (tmp_path / "log").read_text().splitlines()[1:]] == [
         ["to"],
+        ["file_lacks", '{"lines":', "1,", '"since_s":', "0.0,", *reason],
         ["whole"],
+        ["file_ends"],
     ]
 
 
@@ -431,6 +449,7 @@ def test_what_a_driver_does_is_recorded_with_the_time_that_it_uses(made):
         *((1.0, "!", b"opened p?"), (2.0, "!", b"session new"), (2.0, ">", b"out"), (9.0, "<", b"in")),
         *((10.0, "!", b"clock 1.5"), (11.0, "!", b"session again same")),
         (12.0, "!", b'lost {"port": "p", "reason": "gone", "may_move": false, "reported": true}'),
+        (12.0, "!", b"file_ends"),
     ]
     facts = {"port": "p", "baud": 9600, "options": {"check": True}, "clock_us": 0}
     assert facts.items() <= recorded.header.items() and made.taps == [("<", b"in"), (">", b"out")]
@@ -465,7 +484,7 @@ def test_a_recording_that_begins_in_mid_run_has_what_came_before(made, ready, te
     wheels = [Mismatch(name, "blocked", 0.5, 0.25) for name in ("left", "right")]
     made.turned(b"", wheels, session, state)
     made.close()
-    opened, checked, model, joined, pose, pending, silence, stop = Recording(made.path)
+    opened, checked, model, joined, pose, pending, silence, stop, _ = Recording(made.path)
     spread = " ".join(map(repr, map(float, range(6) if telemetry else AT_START))).encode()
     assert model.data == b"model " + model_text(state.model).encode() and silence == (2.0, "<", b"")
     assert stop.data == b'stop user {"wheel": "left", "cause": "blocked", "expected_m": 0.5, "moved_m": 0.25}'
@@ -486,6 +505,6 @@ def test_a_recording_that_begins_in_mid_run_has_what_came_before(made, ready, te
 def test_a_link_is_recorded_if_somebody_wants_its_bytes(made):
     assert isinstance(made.begin(wire([])), RecordedLink)
     made.close()
-    assert [entry.data for entry in Recording(made.path)] == [b"opened p?"]
+    assert kept(made.path) == [(REMARK, b"opened p?")]
     idle = DriverRecording("p", 9600, None, {}, None)
     assert not isinstance(idle.begin(wire([])), RecordedLink)

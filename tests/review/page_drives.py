@@ -69,6 +69,8 @@ def drive(duration_s=60.0, period_s=0.02, path="drive.mrl", **others):
         Frames(),
         Frames(),
         0,
+        [],
+        False,
     )
     return found._replace(**others)
 

@@ -10,6 +10,7 @@ import pytest
 
 from mrl_driver.apps.review.drive_data import Column, read
 from mrl_driver.apps.review.findings import find
+from mrl_driver.apps.review.findings.evidence import SETTLING_S, interruptions
 from mrl_driver.driver.recorded import RecordedDriver
 from tests.conftest import EXPLORE
 
@@ -84,6 +85,59 @@ def test_a_program_that_ended_because_its_port_went_away_has_lost_its_link(tmp_p
     with path.open("a") as file:
         file.write("9.0 ! ended LinkLost: the port went away\n")
     assert [each.kind for each in find(read(RecordedDriver(str(path))))] == ["link_lost"]
+
+
+@pytest.fixture(scope="module")
+def lines(tmp_path_factory):
+    """The lines of a good drive that moves at 3.5 s."""
+    path = tmp_path_factory.mktemp("good") / "drive.mrl"
+    record(good(3), str(path))
+    return path.read_text().splitlines(keepends=True)
+
+
+def reviewed(path, lines):
+    path.write_text("".join(lines))
+    drive = read(RecordedDriver(str(path)))
+    return drive, find(drive)
+
+
+def until(lines, end_s):
+    return [line for line in lines[1:] if float(line.split(" ")[0]) < end_s]
+
+
+def test_a_time_in_which_the_disk_was_full_is_not_a_fault_of_the_line(lines, tmp_path):
+    before = until(lines, 3.5)
+    behind = lines[len(until(lines, 5.0)) + 1 :]
+    end_s, since_s = behind[0].split(" ")[0], before[-1].split(" ")[0]
+    lack = (
+        f'{end_s} ! file_lacks {{"lines": 99, "since_s": {since_s}, "reason": "No space left on device"}}\n'
+    )
+    silence = f"{end_s} < \n"  # the driver that plays it notices it
+    drive, (found,) = reviewed(tmp_path / "x.mrl", [lines[0], *before, lack, silence, *behind])
+    assert found.kind == "recording_damaged" and "99 lines" in found.text
+    assert "No space left on device" in found.text and found.time_s == float(since_s)
+    assert "no_telemetry" not in [stop.reason for stop in drive.stops]
+    assert (float(since_s) - SETTLING_S, float(end_s) + SETTLING_S) in interruptions(drive)
+
+
+def test_a_recording_that_breaks_off_while_the_robot_drives_is_a_finding(lines, tmp_path):
+    drive, (found,) = reviewed(tmp_path / "x.mrl", [lines[0], *until(lines, 3.5)])
+    assert found.kind == "recording_breaks_off" and found.data
+    assert drive.breaks_off and found.time_s == pytest.approx(3.5, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    "header, end_s, end",
+    [
+        ("marks_end", 3.5, "3.5 ! file_ends\n"),
+        ("marks_end", 0.9, ""),
+        ("of an older version", 3.5, ""),
+    ],
+    ids=["ended while it drives", "killed while it stands", "no marks"],
+)
+def test_a_recording_that_ends_otherwise_has_no_finding(lines, tmp_path, header, end_s, end):
+    first = lines[0].replace("marks_end", header)
+    assert reviewed(tmp_path / "x.mrl", [first, *until(lines, end_s), end])[1] == []
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,7 @@ from mrl_driver.errors import BoardTimeout, ConfigError
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.recording.recorded_facts import Gap
 from mrl_driver.recording.recording import FROM_BOARD, OPENED, PHONE, POSE, STOP, TO_BOARD
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.models import RobotModel
@@ -144,7 +145,9 @@ class DriveData(NamedTuple):
     """The driver's events: `Ready`, `Stale`, `Mismatch`, `ImuChanged`, `PathUnknown` and others, and its errors."""
     heard: Frames  # frames from the board
     sent: Frames  # frames to the board
-    skipped_lines: int  # lines of the recording that could not be read
+    skipped_lines: int  # lines of the recording that could not be read, or not be written
+    gaps: List[Gap]  # lines that could not be written
+    breaks_off: bool  # nobody ended the recording: the program was killed, or the computer lost its power
 
     @property
     def robot_name(self) -> str:
@@ -260,7 +263,9 @@ class _Reader:
             events=self._events,
             heard=self._heard,
             sent=self._sent,
-            skipped_lines=recording.skipped_count,
+            skipped_lines=recording.skipped_count + sum(gap.lines for gap in recorded.gaps),
+            gaps=recorded.gaps,
+            breaks_off=recorded.breaks_off,
             **{name: rows.column() for name, rows in {"counts": _Rows(2), **self._rows}.items()},
         )
 
@@ -324,9 +329,14 @@ class _Reader:
             self._losses = [each for each in self._losses if each[1] <= self._lost_before]
         elif isinstance(event, Mismatch):
             self._mismatch = str(event)
-        elif isinstance(event, Stale) and self._moves:
+        elif isinstance(event, Stale) and self._moves and not self._is_in_gap(event.age_s):
             self._moves = False
             self._note_stop(self._recorded.time_s, StopReason.NO_TELEMETRY, "", "", b"")
+
+    def _is_in_gap(self, age_s: float) -> bool:
+        """Return whether a part of this time until now was not recorded [s]."""
+        gaps = self._recorded.gaps
+        return bool(gaps) and gaps[-1].end_s > self._recorded.time_s - age_s
 
     # -- what was on the wire
 

@@ -239,7 +239,7 @@ def _recording(drive: DriveData) -> List[Pair]:
         ("Port", drive.port),
         ("Robot", drive.robot_name),
         ("Firmware", str(board.version) if board else ""),
-        ("Damaged", f"{drive.skipped_lines} lines could not be read" if drive.skipped_lines else ""),
+        ("Damaged", f"{drive.skipped_lines} lines are damaged or missing" if drive.skipped_lines else ""),
     ]
     own = tuple(each.decode() for each in (*OWN_REMARKS, PHONE.strip()))
     remarks = [each for each in drive.remarks if each[1].partition(" ")[0] not in own]

@@ -60,8 +60,10 @@ def ready_s(drive: DriveData) -> float:
 
 
 def interruptions(drive: DriveData) -> List[Tuple[float, float]]:
-    """Return begin and end of each time in which the link was down, opened or greeted, with `SETTLING_S` around it."""
-    found = [(-math.inf, ready_s(drive))]
+    """Return begin and end of each time in which the link was down, opened, greeted or not recorded, with `SETTLING_S`
+    around it.
+    """
+    found = [(-math.inf, ready_s(drive)), *((gap.begin_s, gap.end_s) for gap in drive.gaps)]
     greeted = sorted(time_s for time_s, event in drive.events if isinstance(event, Ready))
     begun = [time_s for time_s, _ in drive.opened]
     begun += [time_s - STALE_S for time_s, event in drive.events if isinstance(event, Stale)]

@@ -69,7 +69,7 @@ class _Silence(NamedTuple):
 
 def check(drive: DriveData) -> Iterator[Finding]:
     """Return what is wrong with the line."""
-    for part in (_damage, _losses, _unanswered, _texts, _command_gaps, _skipped):
+    for part in (_damage, _losses, _unanswered, _texts, _command_gaps, _skipped, _break):
         yield from part(drive)
     yield from _silent_end(drive)
     silences = _silences(drive)
@@ -158,7 +158,7 @@ def _missing_share(drive: DriveData) -> float:
 
 
 def _silences(drive: DriveData) -> List[_Silence]:
-    """All gaps in the telemetry that are longer than `LATE_S`."""
+    """All gaps in the telemetry that are longer than `LATE_S`, but for those in which nothing was recorded."""
     arrivals, stamps = drive.poses.time_s, drive.stamps_s
     sends = np.frombuffer(drive.sent.times_s, dtype=float)
     lost_at, lost = np.append(drive.lost.time_s, math.inf), np.append(0.0, drive.lost.values)
@@ -167,7 +167,7 @@ def _silences(drive: DriveData) -> List[_Silence]:
     first_s = ready_s(drive) + SETTLING_S
     for i in np.flatnonzero(np.diff(arrivals) > LATE_S):
         begin_s, end_s = float(arrivals[i]), float(arrivals[i + 1])
-        if begin_s < first_s:
+        if begin_s < first_s or any(gap.begin_s < end_s and gap.end_s > begin_s for gap in drive.gaps):
             continue
         moving = bool(np.any(command_at(drive, [begin_s])))
         inside = sends[(sends > begin_s + 0.005) & (sends < end_s - 0.002)]
@@ -248,10 +248,9 @@ def _silent_end(drive: DriveData) -> Iterator[Finding]:
     """The telemetry stopped, and did not come back before the recording ended; the port was still there."""
     states = [(time_s, event) for time_s, event in drive.events if isinstance(event, (Ready, Stale))]
     frames = drive.heard.times_of(*TELEMETRY)
-    if not states or not isinstance(states[-1][1], Stale) or not len(frames):
+    if not states or not isinstance(states[-1][1], Stale) or not len(frames) or frames[-1] > states[-1][0]:
         return
-    stale_s = states[-1][0]
-    last_s = float(frames[max(0, int(np.searchsorted(frames, stale_s, side="right")) - 1)])
+    last_s = float(frames[-1])
     if not any(time_s >= last_s and text.startswith(_LOST) for time_s, text in drive.remarks):
         text = (
             f"No telemetry arrived from {last_s:.1f} s to the end of the recording, for "
@@ -331,5 +330,16 @@ def _command_gaps(drive: DriveData) -> Iterator[Finding]:
 
 def _skipped(drive: DriveData) -> Iterator[Finding]:
     if drive.skipped_lines:
-        text = f"{drive.skipped_lines} lines were skipped: figures near them may be wrong."
-        yield finding("recording_damaged", 15, text, (drive.duration_s, "", b""))
+        text = f"{drive.skipped_lines} lines are damaged or missing: figures near them may be wrong."
+        for gap in drive.gaps[:1]:
+            text += f" From {gap.begin_s:.1f} s to {gap.end_s:.1f} s nothing could be written: {gap.reason}."
+        at_s = drive.gaps[0].begin_s if drive.gaps else drive.duration_s
+        yield finding("recording_damaged", 15, text, (at_s, "", b""))
+
+
+def _break(drive: DriveData) -> Iterator[Finding]:
+    """Nobody ended the recording, and the last command moves the robot."""
+    if drive.breaks_off and np.any(command_at(drive, [np.nextafter(drive.duration_s, math.inf)])):
+        at_s = float(drive.commands.time_s[-1])
+        text = "Nobody ended it, and its last command moves the robot. What happened then is not in it."
+        yield finding("recording_breaks_off", 83, text, (at_s, TO_BOARD, drive.sent.at(at_s)))
