@@ -86,6 +86,8 @@ _NUMBER = re.compile(r"[0-9]{1,9}")
 FLUSH_S, HOLD_S = 0.2, 0.05
 """The file is written this often; an entry waits for this time, because a thread may pause before it adds an older one
 [s]."""
+SET_S, SURE_S = 0.1, 0.01
+"""The wall clock was set if it differs by more than `SET_S`; both clocks must be read within `SURE_S` for that [s]."""
 SYNC_S = 1.0  # the file is put on the disk this often, because a computer without power forgets the rest [s]
 _MOST_WAITING = 20000
 LONGEST_LINE = 1 << 20
@@ -117,7 +119,8 @@ class Recorder:
     """Appends to a recording from any thread without ever blocking or stopping its caller.
 
     A separate thread writes five times a second, so at most a quarter of a second is lost if the process is killed,
-    unless the disk is slow.  Once a second it puts the file on the disk, for a loss of power.
+    unless the disk is slow.  Once a second it puts the file on the disk, for a loss of power.  It notes when the wall
+    clock is set, unless the program does that: after a first `CLOCK` remark, it leaves them to the program.
     After a failed write, `error` holds the reason, `lost` counts the lost lines, and the next write is tried.  With a
     `clock` of simulated time there is no such thread; `add` writes.  Only this user can read a new file.  ConfigError
     if it cannot be created, or another recorder writes it.
@@ -142,8 +145,10 @@ class Recorder:
             raise ConfigError(f"cannot record to {path!r}: {reason}") from None
         self._clock = clock or now_s
         self._start_s = self._clock()
-        started = datetime.datetime.now(datetime.timezone.utc).isoformat()
-        header.update(clock_us=round(self._start_s * 1e6), started=started, marks_end=True)
+        started = datetime.datetime.now(datetime.timezone.utc)
+        self._ahead_s, self._follows_clock = started.timestamp() - self._start_s, True
+        facts = {"clock_us": round(self._start_s * 1e6), "started": started.isoformat(), "marks_end": True}
+        header.update(facts)
         self._write(f"{_MAGIC} {VERSION} {exact_json(header)}\n", 1)
         self._thread: Optional[threading.Thread] = None
         if clock is None:
@@ -162,6 +167,8 @@ class Recorder:
             self._dropped += 1
             self.error = self.error or "the disk is too slow"
             return
+        if direction == REMARK and data.startswith(CLOCK):
+            self._follows_clock = False
         time_s = (self._clock() if at_s is None else at_s) - self._start_s
         self._waiting.append(Entry(time_s, direction, bytes(data)))
         if self._thread is None and len(self._waiting) >= _MOST_WAITING // 10:
@@ -190,10 +197,19 @@ class Recorder:
     def _run(self) -> None:
         synced_s = self._start_s
         while not wait_until(self._ended.is_set, FLUSH_S):
+            self._follow_clock()
             self._save(self._clock() - self._start_s - HOLD_S)
             if self._clock() >= synced_s + SYNC_S:
                 self._sync()
                 synced_s = self._clock()
+
+    def _follow_clock(self) -> None:
+        """Note the wall clock if it was set."""
+        before_s, wall_s, after_s = self._clock(), time.time(), self._clock()
+        ahead_s = wall_s - before_s
+        if self._follows_clock and after_s - before_s < SURE_S and abs(ahead_s - self._ahead_s) > SET_S:
+            self._ahead_s = ahead_s
+            self._waiting.append(Entry(before_s - self._start_s, REMARK, CLOCK + repr(ahead_s).encode()))
 
     def _sync(self) -> None:
         """Put what was written on the disk."""

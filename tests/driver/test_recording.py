@@ -9,6 +9,7 @@ import json
 import os
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -22,6 +23,7 @@ from mrl_driver.recording import recording
 from mrl_driver.recording.recorded_facts import Gap, gap_of, model_text
 from mrl_driver.recording.recorded_link import DriverRecording, RecordedLink
 from mrl_driver.recording.recording import (
+    CLOCK,
     ENDS,
     FROM_BOARD,
     LACKS,
@@ -101,6 +103,48 @@ def test_what_was_written_is_put_on_the_disk_by_the_thread_that_writes(tmp_path,
     recorder.add(FROM_BOARD, b"@6,3,4e")
     recorder.close()
     assert b"@6,3,4e" in synced[-1][1]
+
+
+@pytest.fixture
+def wall(monkeypatch):
+    """By how much the wall clock was set [s], in a list."""
+    ahead, now = [0.0], time.time
+    monkeypatch.setattr(time, "time", lambda: now() + ahead[0])
+    return ahead
+
+
+def set_clock(recorder, wall, ahead_s):
+    """Set the wall clock; the thread has seen it when a later line is in the file."""
+    wall[0] = ahead_s
+    line = b"at %r" % ahead_s
+    recorder.add(FROM_BOARD, line)
+    wait_until(lambda: line in Path(recorder.path).read_bytes())
+
+
+def clocks(path):
+    """The wall clock at the beginning, and after each time that it was set, without the driver's [s]."""
+    recording = Recording(str(path))
+    told = [float(entry.data[len(CLOCK) :]) for entry in recording if entry.data.startswith(CLOCK)]
+    return [started_s(recording.header) - recording.start_us / 1e6, *told]
+
+
+def test_a_wall_clock_that_is_set_is_noted_once(tmp_path, wall):
+    """A computer without a clock of its own gets the time from the network, minutes after its start."""
+    recorder = Recorder(str(tmp_path / "log"))
+    for ahead_s in (1000.0, 1000.05):
+        set_clock(recorder, wall, ahead_s)
+    recorder.close()
+    before, after = clocks(tmp_path / "log")
+    assert after - before == pytest.approx(1000.0, abs=recording.SET_S)
+
+
+def test_a_program_that_notes_the_clock_itself_is_the_only_one(tmp_path, wall):
+    """It knows the time to the frame, as the ROS node, whose stamps have it."""
+    recorder = Recorder(str(tmp_path / "log"))
+    recorder.add(REMARK, CLOCK + b"7.5")
+    set_clock(recorder, wall, 1000.0)
+    recorder.close()
+    assert clocks(tmp_path / "log")[1:] == [7.5]
 
 
 def recorded_late(path, monkeypatch, meanwhile):
