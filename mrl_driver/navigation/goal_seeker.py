@@ -93,7 +93,7 @@ class GoalSeeker:
         if self.blind:
             return 0.0, 0.0
         if self._retreats(pose):
-            return -max(SLOWEST_M_S, 0.4 * self._limits.linear_m_s), 0.0
+            return -self._forward(0.4), 0.0
         target = self._target(pose, now_s)
         if target is None:
             return self._look_round(pose)
@@ -186,9 +186,10 @@ class GoalSeeker:
         share = min(1.0, away_m / SLOWING_M, max(0.0, front - STOP_M) / (NEAR_M - STOP_M)) * math.cos(error)
         if min(left, right) < SLOW_BESIDE_M:
             share *= 0.5
-        linear = max(SLOWEST_M_S, self._limits.linear_m_s * share)
         push = max(0.0, SIDE_M - right) - max(0.0, SIDE_M - left)  # away from an obstacle that is too near
-        return linear, self._bounded(HEADING_GAIN * error + 4.0 * self._limits.angular_rad_s * push)
+        return self._forward(share), self._bounded(
+            HEADING_GAIN * error + 4.0 * self._limits.angular_rad_s * push
+        )
 
     def _retreats(self, pose: Pose) -> bool:
         """Return whether the robot must go back from an obstacle; extend the trail, also while it still rolls on."""
@@ -206,8 +207,11 @@ class GoalSeeker:
         behind = pose.compose(-distance_m, 0.0)[:2]
         return any(_away_m(behind, point) < BESIDE_TRAIL_M for point in self._trail)
 
+    def _forward(self, share: float) -> float:
+        return min(self._limits.linear_m_s, max(SLOWEST_M_S, self._limits.linear_m_s * share))
+
     def _turn(self, error: float) -> float:
-        return math.copysign(max(SLOWEST_RAD_S, abs(self._bounded(HEADING_GAIN * error))), error)
+        return math.copysign(self._bounded(max(SLOWEST_RAD_S, HEADING_GAIN * abs(error))), error)
 
     def _bounded(self, rate: float) -> float:
         return max(-self._limits.angular_rad_s, min(self._limits.angular_rad_s, rate))

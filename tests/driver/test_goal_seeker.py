@@ -108,9 +108,9 @@ def test_a_look_frees_no_more_than_the_sensor_measures():
         assert floor.is_free((0.0, 0.0), (1.0, 0.0)) == free
 
 
-def close_on_the_left(goal_y_m, yaw, x_m):
+def close_on_the_left(goal_y_m, yaw, x_m, limits=LIMITS):
     """Speeds at these places, once something is close on the left of a robot that came along the x axis."""
-    seeker = GoalSeeker((0.35, goal_y_m, 0.0), LIMITS, 0.0, SONARS)
+    seeker = GoalSeeker((0.35, goal_y_m, 0.0), limits, 0.0, SONARS)
     free, close = {name: math.inf for name in SONARS}, {"front": math.inf, "left": 0.17, "right": math.inf}
     for step in range(13):
         seeker.command((0.03 * step, 0.0, 0.0), free, 0.05 * step)
@@ -130,6 +130,15 @@ def test_robot_that_rolls_on_for_a_while_still_goes_back():
     """It needs 0.16 m to stand; the way that it rolls on is one that it may go back."""
     speeds = close_on_the_left(2.0, 0.0, [0.36 + 0.01 * min(step, 32 - step) for step in range(33)])
     assert all(linear < 0 for linear, _ in speeds)
+
+
+def test_speeds_keep_to_limits_below_those_at_which_motors_surely_turn():
+    """On the way, on the way back, and in turns on the way and at the goal."""
+    limits = LIMITS._replace(linear_m_s=0.01, angular_rad_s=0.05)
+    speeds = close_on_the_left(2.0, 0.0, [0.36], limits)
+    for goal in ((3.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 2.0)):
+        speeds.append(GoalSeeker(goal, limits, 0.0, SONARS).command((0.0, 0.0, 0.0), {}, 0.0))
+    assert speeds == [(-0.01, 0.0), (0.01, 0.0), (0.0, 0.05), (0.0, 0.05)]
 
 
 @pytest.mark.parametrize("name", ["front", "left", "right"])
