@@ -98,6 +98,7 @@ _COMMANDS = (
     "geometry_msgs/PoseWithCovarianceStamped",  # set_pose, initialpose
     "nav_msgs/Path",
     "sensor_msgs/Joy",
+    "std_msgs/Float64",  # the angle of a servo
     "diagnostic_msgs/KeyValue",  # a text for another robot's radio
 )
 

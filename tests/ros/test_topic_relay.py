@@ -297,7 +297,9 @@ def test_last_latched_message_comes_again_after_a_reconnect_and_others_do_not(en
     assert ends.got == [("state", b"new"), ("event", b"last")]
 
 
-@pytest.mark.parametrize("kind", ["geometry_msgs/Twist", "nav_msgs/Path", "geometry_msgs/PoseArray"])
+@pytest.mark.parametrize(
+    "kind", ["geometry_msgs/Twist", "nav_msgs/Path", "geometry_msgs/PoseArray", "std_msgs/Float64"]
+)
 def test_latched_command_is_not_repeated_after_a_reconnect(ends, kind):
     """`rostopic pub` latches by default."""
     ends.sender.began_s -= SETTLE_S
