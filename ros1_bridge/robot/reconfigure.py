@@ -127,7 +127,11 @@ class Reconfigure:
         self._servers[group] = Numbers(description, callback, group)
 
     def _on_limits(self, config: Any, _level: int) -> Any:
-        self._commander.limits = limits_of(config, self._commander.limits)
+        before = self._commander.limits
+        self._commander.limits = limits = limits_of(config, before)
+        for name, old, new in zip(LIMITS, before, limits):
+            if new != old:
+                rospy.set_param(f"~{name}", new)  # for a respawn of the node
         return config
 
     def _on_sonars(self, config: Any, level: int) -> Any:

@@ -561,6 +561,17 @@ def test_limits_of_an_earlier_run_do_not_count(node):
     assert node.sent("sonar/front")[-1].max_range == pytest.approx(6.45)
 
 
+def test_limits_that_were_set_are_those_of_a_node_that_starts_again(node):
+    def script():
+        yield from until_offered()
+        assert "~max_linear_speed" not in node.ros.parameters
+        node.configure("limits", max_linear_speed=0.12)
+        assert node.ros.parameters["~max_linear_speed"] == 0.12
+        assert "~max_angular_speed" not in node.ros.parameters
+
+    node.run(script)
+
+
 def test_gains_are_the_boards_and_are_stored_there(node, monkeypatch):
     def script():
         gains = {"kp": 700, "ki": 400, "kd": 200}
