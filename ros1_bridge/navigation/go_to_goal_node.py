@@ -32,6 +32,7 @@ from ros1_bridge.node.parameters import Row, speed_rows
 from ros1_bridge.node.plane_poses import planar, transform_pose, write_pose
 from ros1_bridge.node.run_node import node
 from ros1_bridge.node.stamp_age import StampAge
+from ros1_bridge.topics.messages import range_of
 
 RATE_HZ = 20.0
 ODOM_LATE_S, ODOM_GONE_S = 0.5, 3.0
@@ -94,6 +95,18 @@ class OdometryGap:
         return not self.waiting and not self.why
 
 
+def sonar_of(place: Pose, message: Range) -> SonarMount:
+    """The sonar at this place, with the cone and the longest range that its message has, or those of an MB1300."""
+    cone_deg, farthest_m = math.degrees(message.field_of_view), message.max_range
+    return SonarMount(
+        place.x_m,
+        place.y_m,
+        math.degrees(place.yaw_rad),
+        field_of_view_deg=cone_deg if 0.0 < cone_deg <= WIDEST_DEG else 0.0,
+        farthest_m=farthest_m if 0.0 < farthest_m < math.inf else 0.0,
+    )
+
+
 class GoToGoal:
     """Drives one robot to its goals."""
 
@@ -106,6 +119,7 @@ class GoToGoal:
         self._ranges: Dict[str, Tuple[float, Range, float]] = {}  # of each sonar: range, message, time
         self._odometry_age = StampAge(ODOM_LATE_S)
         self._range_ages: Dict[str, StampAge] = {}
+        self._places: Dict[str, Pose] = {}  # of the sonars, in the robot's frame
         self._sonars: Dict[str, SonarMount] = {}
         self._cmd_vel = CmdVel()
         self._plan = rospy.Publisher("plan", Path, queue_size=1, latch=True)
@@ -198,7 +212,7 @@ class GoToGoal:
         trouble = self._range_ages[name].trouble(stamp_s, now_s, time.monotonic())
         if trouble:
             rospy.logwarn_throttle(WARN_EVERY_S, f"range of {name} not used: {trouble}")
-        range_m = math.nan if trouble else message.range
+        range_m = math.nan if trouble else range_of(message)
         self._ranges[name] = range_m, message, clock_s() - max(0.0, now_s - stamp_s)
 
     def _on_manual_mode(self, message: Bool) -> None:
@@ -312,7 +326,9 @@ class GoToGoal:
         """Range of each sonar that has sent one [m]; NaN if it is old, or the sonar's place is unknown."""
         ranges = {}
         for name, (range_m, message, heard_s) in list(self._ranges.items()):  # more may come meanwhile
-            placed = name in self._sonars or self._find_place(name, message, base)
+            placed = name in self._places or self._find_place(name, message, base)
+            if placed:
+                self._sonars[name] = sonar_of(self._places[name], message)
             ranges[name] = range_m if placed and now_s - heard_s <= SILENT_S else math.nan
         return ranges
 
@@ -320,15 +336,12 @@ class GoToGoal:
         """Look up the place of a sonar in tf; once is enough, as it does not move.  False if not yet known."""
         frame = message.header.frame_id
         try:
-            place = transform_pose(self._buffer.lookup_transform(base, frame, rospy.Time()).transform)
+            found = self._buffer.lookup_transform(base, frame, rospy.Time())
         except tf2_ros.TransformException as error:
             words = f"sonar {name} is not used: no transform from {frame or 'its frame'} to {base}: {error}"
             rospy.logwarn_throttle(WARN_EVERY_S, one_line(words))
             return False
-        x_m, y_m, yaw_rad = place
-        cone_deg = math.degrees(message.field_of_view)
-        cone_deg = cone_deg if 0.0 < cone_deg <= WIDEST_DEG else 0.0
-        self._sonars[name] = SonarMount(x_m, y_m, math.degrees(yaw_rad), field_of_view_deg=cone_deg)
+        self._places[name] = transform_pose(found.transform)
         return True
 
     def _target(self, goal: PoseStamped) -> Pose:

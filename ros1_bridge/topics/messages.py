@@ -7,7 +7,7 @@ from typing import List, Mapping, Optional, Tuple
 
 from genpy import Time
 from geometry_msgs.msg import Transform, TransformStamped, Twist
-from sensor_msgs.msg import BatteryState
+from sensor_msgs.msg import BatteryState, Range
 from std_msgs.msg import Header
 
 from mrl_driver.geometry import Pose, quaternion_of
@@ -53,6 +53,11 @@ def battery_state(frame: str, stamp: Time, voltage_v: float, battery: Battery) -
         dead, good = BatteryState.POWER_SUPPLY_HEALTH_DEAD, BatteryState.POWER_SUPPLY_HEALTH_GOOD
         message.power_supply_health = dead if voltage_v < battery.empty_v else good
     return message
+
+
+def range_of(message: Range) -> float:
+    """The range of a sonar [m] (REP 117): +Inf also at max_range, which says that nothing is closer."""
+    return math.inf if 0.0 < message.max_range <= message.range else message.range
 
 
 def field_not_finite(message: Twist) -> str:

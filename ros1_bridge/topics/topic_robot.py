@@ -20,6 +20,8 @@ from mrl_driver.safety.protective_zones import stale_s
 from mrl_driver.view.shown_state import SILENT_S, Row, Shown, errors_row, moves_sideways
 from ros1_bridge.node.plane_poses import planar
 
+from .messages import range_of
+
 LOW_SHARE = 0.1  # With a lower charge the battery is shown as low
 STILL_M_S, STILL_RAD_S = 0.005, 0.02  # A slower robot stands
 LINK, MOTION = "Link", "Motion"  # Diagnostics of the serial link, and of the motion
@@ -187,7 +189,7 @@ class TopicRobot:
 
     def on_range(self, message: Any, name: str) -> None:
         """Take a sensor_msgs/Range of a sonar."""
-        self._ranges = {**self._ranges, name: (message.range, time.monotonic())}
+        self._ranges = {**self._ranges, name: (range_of(message), time.monotonic())}
 
     def on_battery(self, message: Any) -> None:
         """Take a sensor_msgs/BatteryState."""

@@ -188,3 +188,19 @@ def test_packed_range_is_that_of_genpy_and_follows_rep_117_unless_it_is_cut(
     message = Range(Header(3, STAMP, "sonar_nose"), radiation, math.radians(degrees), near_m, most, shown)
     packed = PackedRange("sonar_nose", SonarMount(0.1, 0.0, 0.0, **given).kind)
     assert packed.pack(3, STAMP.secs, STAMP.nsecs, range_m, clear_m) == wire(message)
+
+
+@pytest.mark.parametrize(
+    "range_m, max_range, seen",
+    [
+        (0.5, 0.5, math.inf),
+        (0.6, 0.5, math.inf),
+        (0.4, 0.5, 0.4),
+        (-math.inf, 0.5, -math.inf),
+        (0.5, 0.0, 0.5),
+        (0.5, math.nan, 0.5),
+    ],
+)
+def test_a_range_of_max_range_says_that_nothing_is_closer(range_m, max_range, seen):
+    """If a driver sets one."""
+    assert messages.range_of(Range(range=range_m, max_range=max_range)) == seen

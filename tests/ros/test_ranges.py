@@ -5,12 +5,14 @@ import pathlib
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, Twist
 from sensor_msgs.msg import Range
 
+from mrl_driver.geometry import Pose
 from mrl_driver.robot import models, wirings
 from mrl_driver.robot.models import kit
 from mrl_driver.robot.models.kit import Kit
+from ros1_bridge.navigation.go_to_goal_node import sonar_of
 from ros1_bridge.topics.topic_robot import TopicRobot
 from sim_arduino.testing import EmulatedBoard
 from tests.waiting import wait_until
@@ -63,3 +65,27 @@ def test_go_to_goal_takes_sensors_of_any_name(rig, tmp_path):
         goals.publish(goal)
         node = Offered(rig, "go_to_goal")
         wait_until(lambda: {"sonar/nose", "sonar/tail"} <= set(node.topics(1)), step_s=0.05)
+
+
+def test_go_to_goal_drives_over_free_floor_although_the_ranges_are_cut(rig):
+    """With `clear_range` each sonar reports 0.5 m there."""
+    with EmulatedBoard(world="square") as board:
+        rig.node(board.port, "_clear_range:=0.5")
+        rig.program("go_to_goal")
+        twists = rig.topic("cmd_vel", Twist)
+        goals, goal = rig.publisher("move_base_simple/goal", PoseStamped), PoseStamped()
+        goal.pose.position.x, goal.pose.orientation.w = 0.7, 1.0
+        goals.publish(goal)
+        assert twists.wait(10)[-1].linear.x > 0.1
+
+
+@pytest.mark.parametrize(
+    "cone_deg, max_range, seen_deg, farthest_m",
+    [(20.0, 0.3, 20.0, 0.3), (0.0, 0.0, 36.0, 6.45), (200.0, math.inf, 36.0, 6.45)],
+)
+def test_go_to_goal_knows_how_far_a_sensor_sees(cone_deg, max_range, seen_deg, farthest_m):
+    """Beyond that it frees nothing.  What a driver does not say is that of an MB1300."""
+    message = Range(field_of_view=math.radians(cone_deg), max_range=max_range)
+    mount = sonar_of(Pose(0.1, 0.0, math.pi / 2), message)
+    assert mount.kind.farthest_m == farthest_m
+    assert math.degrees(mount.kind.field_of_view_rad) == pytest.approx(seen_deg)

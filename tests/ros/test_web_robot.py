@@ -375,6 +375,13 @@ def test_a_goal_is_driven_to_with_the_sonars(bench):
     assert page.sent[-1] == STOP and page.notice() == why_of(StopReason.GOAL_REACHED).words
 
 
+def test_a_range_at_its_maximum_is_nothing_in_the_way_of_a_goal(bench):
+    """As with `clear_range`."""
+    page = bench()
+    page.topics.on_range(Range(range=0.5, max_range=0.5), "front")
+    assert page.topics.ranges == {"front": math.inf}
+
+
 def test_an_old_range_is_no_reading(bench):
     page = bench()
     page.topics.on_range(Range(range=0.5), "front")
