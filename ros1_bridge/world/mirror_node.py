@@ -212,7 +212,7 @@ class MirrorNode:
     def run(self) -> None:
         """Publish scans, silent sonars and the status until the shutdown."""
         due_s = -math.inf
-        rate = rospy.Rate(RATE_HZ)
+        rate = rospy.Rate(RATE_HZ, reset=True)
         while not rospy.is_shutdown():
             now_s = time.monotonic()
             with self._lock:

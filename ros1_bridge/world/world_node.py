@@ -128,7 +128,7 @@ class WorldNode:
 
     def run(self) -> None:
         """Publish until the shutdown; robots may come and go meanwhile."""
-        rate = rospy.Rate(URG_04LX.rate_hz)
+        rate = rospy.Rate(URG_04LX.rate_hz, reset=True)
         while not rospy.is_shutdown():
             for mover in self.world.robots():
                 if self.given["only"] in ("", mover.name):

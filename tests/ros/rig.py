@@ -12,12 +12,13 @@ import threading
 import time
 import tty
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 from xmlrpc.client import ServerProxy
 
 import rosgraph
 import rospy
 from geometry_msgs.msg import Twist, Vector3
+from rosgraph_msgs.msg import Clock
 
 from ros1_bridge.node.processes import Child, free_port  # noqa: F401
 from tests.waiting import PATIENCE_S, wait_until
@@ -200,6 +201,28 @@ class Rig:
         self.env = {**self.env, "PYTHONPATH": f"{folder}:{self.env.get('PYTHONPATH', '')}"}
         patch.setattr(time, "time", lambda: real() + float(ahead.read_text()))
         return set_ahead
+
+    @contextlib.contextmanager
+    def simulated_time(self) -> Iterator[Callable[..., rospy.Time]]:
+        """Nodes that start inside follow a `/clock`; this process keeps its own time.
+
+        Gives what sets that clock, 0.1 s ahead or to a time [s], and returns its time; it works after the end, too.
+        """
+        rospy.set_param("/use_sim_time", True)
+        clock, now_s = rospy.Publisher("/clock", Clock, queue_size=10, latch=True), [1000.0]
+        self._ends.append(clock.unregister)
+
+        def tick(set_s: Optional[float] = None) -> rospy.Time:
+            now_s[0] = now_s[0] + 0.1 if set_s is None else set_s
+            now = rospy.Time.from_sec(now_s[0])
+            clock.publish(Clock(now))
+            return now
+
+        tick()
+        try:
+            yield tick
+        finally:
+            rospy.delete_param("/use_sim_time")
 
     def start(self, name: str, *command: str) -> Child:
         """Start a program."""

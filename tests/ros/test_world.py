@@ -7,12 +7,14 @@ import subprocess
 import numpy as np
 import pytest
 import yaml
+from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
 
 from mrl_driver.geometry import Pose
 from ros1_bridge.world.world_node import new_map, truth_of
 from sim_arduino.world.grid_map import GridMap
+from tests.waiting import wait_until
 
 from .rig import ROOT
 from .tables import Offered, first_two, table
@@ -66,6 +68,23 @@ def test_walls_of_the_room_are_in_map_and_scan(world):
     assert len(grid.data) == grid.info.width * grid.info.height
     finite = [value for value in world.scan.wait()[-1].ranges if math.isfinite(value)]
     assert len(finite) > 100
+
+
+def test_nodes_of_a_world_go_on_when_simulated_time_jumps_back(rig):
+    name = f"back_{os.getpid()}"
+    rig.board("--robot", "traxbot", "--world-name", name, "--name", "one")
+    with rig.simulated_time() as tick:
+        nodes = rig.program("world_node", f"_world_name:={name}"), rig.program("mirror_node", "_name:=two")
+        truth = rig.topic("one/base_pose_ground_truth", Odometry)
+        status = rig.topic("mirror/status", DiagnosticStatus)
+        wait_until(lambda: tick() and truth.messages and status.messages, step_s=0.02)
+    tick(500.0)
+    before, told = len(truth.messages), len(status.messages)
+    wait_until(
+        lambda: tick() and len(truth.messages) > before + 5 and len(status.messages) > told + 1, step_s=0.02
+    )
+    assert [node.exit_code for node in nodes] == [None, None]
+    assert truth.messages[-1].header.stamp.to_sec() < 1000.0
 
 
 def test_topics_of_the_node_are_those_of_the_table(world):
