@@ -39,7 +39,8 @@ ODOM_LATE_S, ODOM_GONE_S = 0.5, 3.0
 """The robot waits if odometry is older than the first [s], and the goal is given up at the second: longer than a
 reconnection takes."""
 JUMP_M, JUMP_RAD = 0.1, 0.2
-"""Odometry that comes back farther off than the robot can have moved, and this, began again: the goal is elsewhere."""
+"""A pose that is farther from the one before than the robot can have moved, and this, is of an odometry that began
+again: the goal is elsewhere."""
 FIRST_ODOM_S = 3.0  # If the first odometry takes longer, the node says that it waits for it
 SILENT_S = 0.5  # A range is valid for this long; each sonar measures every 0.3 s
 RANGES = "sonar"
@@ -65,33 +66,32 @@ def clock_s() -> float:
 
 
 class OdometryGap:
-    """Judges odometry that comes late, for one goal; `limits` are the largest speeds of the robot."""
+    """Judges odometry that comes late or begins again, for one goal; `limits` are the largest speeds of the robot."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._before: Optional[Tuple[Pose, float]] = None
-        self._heard_s = math.inf
+        self._now_s = -math.inf
         self.waiting = False  # The last odometry is too old to drive by
         self.why = ""  # Why the goal must be given up; empty if it need not be
 
     def update(self, pose: Pose, heard_s: float, now_s: float) -> bool:
         """Judge the last pose, which came at `heard_s`; True if the robot can drive by it."""
-        silent_s, last_s, self._heard_s = now_s - heard_s, self._heard_s, heard_s
-        self.waiting = silent_s > ODOM_LATE_S
-        if max(silent_s, heard_s - last_s) > ODOM_GONE_S:  # or this computer was suspended meanwhile
+        before, before_s = self._before or (pose, heard_s)
+        silent_s, gap_s = now_s - heard_s, heard_s - before_s
+        moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
+        turned_rad = abs(wrap_angle(pose.yaw_rad - before.yaw_rad))
+        if now_s < self._now_s:
+            self.why = "simulated time jumped back"
+        elif max(silent_s, gap_s) > ODOM_GONE_S:  # or this computer was suspended meanwhile
             self.why = "odometry has stopped"
-        if self.waiting:
-            self._before = pose, heard_s
-        elif self._before is not None:
-            before, before_s = self._before
-            self._before, gap_s = None, heard_s - before_s
-            moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
-            turned_rad = abs(wrap_angle(pose.yaw_rad - before.yaw_rad))
-            if (
-                moved_m > JUMP_M + self._limits.linear_m_s * gap_s
-                or turned_rad > JUMP_RAD + self._limits.angular_rad_s * gap_s
-            ):
-                self.why = f"odometry began again: {moved_m:.2f} m away after {gap_s:.1f} s without it"
+        elif (
+            moved_m > JUMP_M + self._limits.linear_m_s * gap_s
+            or turned_rad > JUMP_RAD + self._limits.angular_rad_s * gap_s
+        ):
+            self.why = f"odometry began again: {moved_m:.2f} m away {gap_s:.2f} s later"
+        self.waiting = silent_s > ODOM_LATE_S
+        self._before, self._now_s = (pose, heard_s), now_s
         return not self.waiting and not self.why
 
 
@@ -269,7 +269,7 @@ class GoToGoal:
 
     def _seek(self, target: Pose) -> None:
         """Drive until the goal is reached or given up."""
-        rate = rospy.Rate(RATE_HZ)
+        rate = rospy.Rate(RATE_HZ, reset=True)
         begun_s = clock_s()
         seeker = GoalSeeker(target, self._limits, begun_s, self._sonars, self._patience_s)
         gap = OdometryGap(self._limits)

@@ -97,6 +97,16 @@ def test_goal_goes_on_when_odometry_is_back_from_two_seconds_of_silence_where_it
     assert gap.update(pose, heard_s, now_s) == (not why) and gap.why.startswith(why)
 
 
+@pytest.mark.parametrize(
+    "pose, why", [(Pose(0.8, 0.0, 0.5), ""), (Pose(0.6, 0.0, 0.5), "odometry began again: 0.15 m away")]
+)
+def test_goal_ends_if_odometry_begins_again_without_a_silence(pose, why):
+    """As after `reset_odometry` while the robot waits."""
+    gap = OdometryGap(LIMITS)
+    assert gap.update(Pose(0.75, 0.0, 0.5), 1.0, 1.0)
+    assert gap.update(pose, 1.05, 1.05) == (not why) and gap.why.startswith(why)
+
+
 def test_goal_ends_if_its_node_stood_still_until_odometry_came_again():
     """As on a computer that was suspended, where that may come before the node looks."""
     gap = OdometryGap(LIMITS)
@@ -254,6 +264,32 @@ def test_goals_are_reached_though_the_wall_clock_is_set(rig, monkeypatch):
         set_ahead(ahead_s)
         wait_until(lambda: client.get_state() not in UNDER_WAY)
         assert client.get_state() == SUCCEEDED, client.get_goal_status_text()
+
+
+def test_goal_ends_with_a_stop_when_simulated_time_jumps_back(rig):
+    with rig.simulated_time() as tick:
+        rig.program("go_to_goal", "_avoid:=false")
+        odom, twists = rig.publisher("odom", Odometry), rig.topic("cmd_vel", Twist)
+        results = rig.topic("move_base/result", MoveBaseActionResult)
+
+        def stands(set_s=None):
+            message = Odometry(child_frame_id="base")
+            message.header.frame_id, message.header.stamp = "odom", tick(set_s)
+            message.pose.pose.orientation.w = 1.0
+            odom.publish(message)
+
+        node = Offered(rig, "go_to_goal")
+        wait_until(lambda: stands() or "waypoints" in node.topics(1), step_s=0.05)
+        results.wait_for_publisher()
+    rig.publisher("move_base_simple/goal", PoseStamped).publish(goal(rig, 1.0, 0.0, "odom"))
+    wait_until(lambda: stands() or twists.messages, step_s=0.02)
+    wait_until(
+        lambda: time.monotonic() - twists.arrived[-1][0] > 0.2
+    )  # it waits for the clock, which stands still
+    stands(500.0)
+    wait_until(lambda: stands() or results.messages, step_s=0.02)
+    assert results.messages[0].status.text == "simulated time jumped back"
+    assert twists.messages[-1] == Twist()
 
 
 def test_node_that_ends_while_it_drives_ends_in_peace(robot):
