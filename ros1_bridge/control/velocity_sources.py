@@ -62,7 +62,7 @@ class VelocitySources:
     def may_move(self, source: Source, now_s: float) -> StopReason:
         """Take note of a command to move; `NONE` if the robot may follow it, or why it may not.
 
-        `done` must follow.
+        `done` must follow, unless it is of an operator.
         """
         with self._lock:
             silent_since_s = min(self._early.get(source.node, -math.inf), now_s)

@@ -1,1 +1,4 @@
-"""The nodes that drive by keyboard and by joystick, and the multiplexer of velocity commands.  Imports topics, node."""
+"""The nodes that drive by keyboard and by joystick, and the multiplexer of velocity commands.
+
+Imports control, topics, node.
+"""

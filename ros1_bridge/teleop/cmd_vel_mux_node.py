@@ -11,6 +11,7 @@ import time
 from typing import Any, Dict, List, Optional, Sequence
 
 import rospy
+from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from std_msgs.msg import Bool, Header, String
 
@@ -52,7 +53,7 @@ class _Out(StampedCmdVel):
 class CmdVelMux:
     """One multiplexer."""
 
-    def __init__(self, sources: Sequence[Input], locks: Sequence[Input]) -> None:
+    def __init__(self, sources: Sequence[Input], locks: Sequence[Input], pause_s: float) -> None:
         """Raises ConfigError if a source publishes on the output."""
         for source in sources:
             if rospy.resolve_name(source.topic) == rospy.resolve_name("cmd_vel"):
@@ -61,7 +62,8 @@ class CmdVelMux:
                     "expected another one"
                 )
         self._out = _Out([source.topic for source in sources])
-        self._mux = VelocityMux(sources, locks)
+        self._mux = VelocityMux(sources, locks, pause_s)
+        self._pause_s = pause_s
         self._lock = threading.Lock()  # guards the multiplexer, and keeps what leaves in its order
         self._shown = rospy.Publisher("active_source", String, queue_size=1, latch=True)
         self._active = ""
@@ -74,6 +76,7 @@ class CmdVelMux:
             rospy.Subscriber(f"{topic}/ping", Header, self._out.ping, **fast)
         for lock in locks:
             rospy.Subscriber(lock.topic, Bool, self._on_lock, lock.name, queue_size=10)
+        rospy.Subscriber("move_base/cancel", GoalID, self._on_cancel, queue_size=10, tcp_nodelay=True)
 
     def run(self) -> None:
         """Stop the robot for silent and locked sources until the shutdown."""
@@ -95,6 +98,12 @@ class CmdVelMux:
         with self._lock:
             now_s = time.monotonic()
             passed = self._mux.command(name, numbers, now_s)
+            if name in self._mux.unpaused:
+                rospy.logwarn_throttle(
+                    WARN_EVERY_S,
+                    f"source {name} has sent commands to move since before the robot's last stop or change of mode; "
+                    f"it may drive after it has been silent or zero for {self._pause_s:g} s",
+                )
             if passed is None and header is not None:
                 self._out.ping(header)  # another source drives; the delay is measured nevertheless
             elif passed is not None:
@@ -104,6 +113,12 @@ class CmdVelMux:
                 else:
                     self._out.publish_stamped(header, twist)
             self._update(now_s)
+
+    def _on_cancel(self, message: GoalID) -> None:
+        """All goals are cancelled, as `robot_node` does when it stops, is released or changes its mode."""
+        if not message.id:
+            with self._lock:
+                self._mux.distrust()
 
     def _on_lock(self, message: Bool, name: str) -> None:
         with self._lock:

@@ -1,20 +1,25 @@
 """Chooses among sources of velocity commands by priority, with locks.  Pure: times are arguments, no ROS.
 
-The rules are those of twist_mux, whose configuration works here too, and three more.  The robot gets a stop if the
+The rules are those of twist_mux, whose configuration works here too, and four more.  The robot gets a stop if the
 source that drives it falls silent or is locked.  A command that is not finite is a stop.  What never stops or never
-drives with twist_mux is refused: a source without a timeout, priority 0, two sources with one priority.
+drives with twist_mux is refused: a source without a timeout, priority 0, two sources with one priority.  After a stop
+of the robot, a source that was sending must pause before it may take over: the robot cannot see what is held back here.
 """
 
 import math
-from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.yaml_file import is_number
+from ros1_bridge.control.velocity_sources import Source, VelocitySources
+from ros1_bridge.node.robot_parameters import PAUSE_S
 
 HIGHEST = 255
-LONGEST_S = 60.0
+LONGEST_S, LONGEST_PAUSE_S = 60.0, 5.0
 _KEYS = ("name", "topic", "timeout", "priority")
-_LISTS = ("topics", "locks")
+_PAUSE = "cmd_vel_pause"
+_NAMES = ("topics", "locks", _PAUSE)
 
 
 class Input(NamedTuple):
@@ -35,20 +40,46 @@ class Input(NamedTuple):
 class VelocityMux:
     """Which source drives; names and priorities differ, and a lock with a timeout is locked until its first message."""
 
-    def __init__(self, sources: Sequence[Input], locks: Sequence[Input] = ()) -> None:
+    def __init__(
+        self, sources: Sequence[Input], locks: Sequence[Input] = (), pause_s: float = PAUSE_S
+    ) -> None:
+        """`pause_s`: see `distrust`."""
+        self._trust = VelocitySources(pause_s)
+        self.unpaused: Set[str] = set()
+        """Sources whose last command was refused, because they must pause."""
         self._sources = {source.name: source for source in sources}
         self._locks = {lock.name: lock for lock in locks}
         self._commanded_s: Dict[str, float] = {}
         self._locked: Dict[str, Tuple[bool, float]] = {}
-        self._driver = ""
+        self._driver = self._moves = ""  # whose command passed last, also if it was not a stop
 
     def command(self, name: str, numbers: Sequence[float], now_s: float) -> Optional[Sequence[float]]:
-        """What to publish after a source's command: its numbers, zeros if one is not finite, None if another drives."""
+        """What to publish after a source's command: its numbers, zeros if one is not finite.
+
+        None if another drives, or if this one must pause.
+        """
+        finite = all(map(math.isfinite, numbers))
+        moves = finite and any(numbers)
+        if moves and self._must_pause(name, now_s):
+            self.unpaused.add(name)
+            return None
+        self.unpaused.discard(name)
         self._commanded_s[name] = now_s
         if self.active(now_s) != name:
             return None
-        self._driver = name
-        return numbers if all(map(math.isfinite, numbers)) else (0.0,) * len(numbers)
+        self._driver, self._moves = name, name if moves else ""
+        return numbers if finite else (0.0,) * len(numbers)
+
+    def _must_pause(self, name: str, now_s: float) -> bool:
+        refused = self._trust.may_move(Source("", name), now_s) is not StopReason.NONE
+        return refused and name != self._moves
+
+    def distrust(self) -> None:
+        """Let the sources that send already take over only after they were silent or zero for `pause_s`.
+
+        For stops of the robot, and their releases.  The robot itself judges the source that drives now.
+        """
+        self._trust.distrust()
 
     def lock(self, name: str, locked: bool, now_s: float) -> None:
         """Take note of a lock's state."""
@@ -61,7 +92,7 @@ class VelocityMux:
         """
         if not self._driver or self._may_drive(self._sources[self._driver], now_s):
             return False
-        self._driver = ""
+        self._driver = self._moves = ""
         return True
 
     def active(self, now_s: float) -> str:
@@ -80,11 +111,14 @@ class VelocityMux:
         return locked or (lock.timeout_s > 0 and now_s - told_s > lock.timeout_s)
 
 
-def read_inputs(given: Dict[str, Any], namespace: str) -> Tuple[List[Input], List[Input]]:
-    """Sources and locks, `topics` and `locks` in twist_mux's format; ConfigError if one is wrong, or there twice."""
-    unknown = [name for name in given if name not in _LISTS]
+def read_inputs(given: Dict[str, Any], namespace: str) -> Tuple[List[Input], List[Input], float]:
+    """Sources and locks, `topics` and `locks` in twist_mux's format, and the pause after a stop [s].
+
+    ConfigError if one is wrong, or there twice.
+    """
+    unknown = [name for name in given if name not in _NAMES]
     if unknown:
-        raise ConfigError(f"parameter {namespace}/{unknown[0]} is unknown, expected {', '.join(_LISTS)}")
+        raise ConfigError(f"parameter {namespace}/{unknown[0]} is unknown, expected {', '.join(_NAMES)}")
     sources = _inputs(f"{namespace}/topics", given.get("topics"), "topics")
     locks = _inputs(f"{namespace}/locks", given.get("locks", []), "locks")
     if not sources:
@@ -93,7 +127,12 @@ def read_inputs(given: Dict[str, Any], namespace: str) -> Tuple[List[Input], Lis
         )
     _require_different(f"{namespace}/topics", sources, ("name", "topic", "priority"))
     _require_different(f"{namespace}/locks", locks, ("name", "topic"))
-    return sources, locks
+    pause_s = given.get(_PAUSE, PAUSE_S)
+    if not is_number(pause_s, 0, LONGEST_PAUSE_S):
+        raise ConfigError(
+            f"parameter {namespace}/{_PAUSE} is {pause_s!r}, expected a number from 0 to {LONGEST_PAUSE_S:g} s"
+        )
+    return sources, locks, float(pause_s)
 
 
 def _inputs(key: str, rows: Any, kind: str) -> List[Input]:

@@ -6,6 +6,7 @@ import signal
 import pytest
 import rospy
 import yaml
+from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist
 from hypothesis import given
 from hypothesis import strategies as st
@@ -89,8 +90,46 @@ def test_a_command_that_is_not_finite_keeps_lower_sources_out(mux):
     assert mux.command("plan", FORWARD, 1.1) is None
 
 
+def passed(mux, name, seconds, begin_s, numbers=FORWARD):
+    """Whether commands of a source that comes each 0.1 s pass, from a time on."""
+    return {
+        mux.command(name, numbers, begin_s + 0.1 * step) is not None for step in range(round(10 * seconds))
+    }
+
+
+def test_a_source_that_was_held_back_since_a_stop_drives_only_after_a_pause(mux):
+    """The robot has only seen the hand meanwhile."""
+    assert passed(mux, "plan", 1.0, 0.0) == {True}
+    mux.distrust()
+    assert passed(mux, "plan", 1.0, 1.0) == {True}, "the robot judges the source that drives"
+    mux.command("hand", TURN, 2.0)
+    assert passed(mux, "plan", 3.0, 2.0) == {False} and mux.unpaused == {"plan"}
+    mux.command("plan", STOP, 5.0)
+    assert passed(mux, "plan", 3.0, 5.1) == {False}, "for 0.2 s it was zero"
+    assert mux.active(8.0) == ""
+    assert passed(mux, "plan", 1.0, 8.6) == {True} and not mux.unpaused
+
+
+def test_a_hand_that_drives_goes_on_while_the_goals_of_others_are_cancelled(mux):
+    """As at a change of the mode."""
+    assert passed(mux, "hand", 1.0, 0.0) == {True}
+    mux.distrust()
+    assert passed(mux, "hand", 1.0, 1.0) == {True}
+
+
+def test_the_end_of_manual_mode_lets_no_stream_of_before_drive(mux):
+    """The robot cancels all goals at each change."""
+    passed(mux, "plan", 1.0, 0.0)
+    mux.distrust()
+    mux.lock("pause", True, 1.0)
+    assert mux.stops(1.0) and passed(mux, "plan", 1.0, 1.0) == {False}
+    mux.distrust()
+    mux.lock("pause", False, 2.0)
+    assert passed(mux, "plan", 3.0, 2.0) == {False}
+
+
 def test_manual_mode_holds_navigation_alone():
-    sources, locks = read_inputs(SHIPPED, "/mux")
+    sources, locks, _ = read_inputs(SHIPPED, "/mux")
     assert max(lock.priority for lock in locks) > max(source.priority for source in sources)
     mux = VelocityMux(sources, locks)
     mux.lock("manual", True, 1.0)
@@ -111,7 +150,7 @@ def test_shipped_configuration_has_the_types_that_twist_mux_reads():
     [
         ({}, "topics is None, expected a list"),
         ({"topics": []}, "at least one source"),
-        ({"topics": [ROW], "sources": []}, "mux/sources is unknown, expected topics, locks"),
+        ({"topics": [ROW], "sources": []}, "mux/sources is unknown, expected topics, locks, cmd_vel_pause"),
         ({"topics": [{"name": "hand"}]}, "expected the keys name, topic, timeout, priority"),
         ({"topics": [{**ROW, "timeout": 0.0}]}, "timeout is 0.0, expected a number from more than 0"),
         ({"topics": [{**ROW, "timeout": math.nan}]}, "timeout is nan"),
@@ -119,6 +158,7 @@ def test_shipped_configuration_has_the_types_that_twist_mux_reads():
         ({"topics": [{**ROW, "priority": True}]}, "priority is True"),
         ({"topics": [{**ROW, "topic": ""}]}, "topic is '', expected a name"),
         ({"topics": [ROW, {**ROW, "name": "other", "topic": "other"}]}, "the priority 100 twice"),
+        ({"topics": [ROW], "cmd_vel_pause": 6.0}, "cmd_vel_pause is 6.0, expected a number from 0 to 5 s"),
         ({"topics": [ROW], "locks": [{**ROW, "timeout": -1.0}]}, "timeout is -1.0, expected a number from 0"),
     ],
 )
@@ -157,6 +197,12 @@ def test_node_passes_on_by_priority_and_stops_when_it_ends(rig):
     for locked, name in ((False, "navigation"), (True, ""), (False, "navigation")):
         lock.publish(locked)
         wait_until(lambda: is_active(name), step_s=0.05)  # noqa: B023
+    lock.publish(True)
+    wait_until(lambda: is_active(""), step_s=0.05)
+    rig.publisher("move_base/cancel", GoalID).publish(GoalID())
+    wait_until(
+        lambda: is_active("") and "since before the robot's last stop" in node.last_words(), step_s=0.05
+    )
     Offered(rig, "cmd_vel_mux").require_topics()
     node.signal(signal.SIGINT)
     wait_until(lambda: node.exit_code is not None)
