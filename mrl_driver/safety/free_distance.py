@@ -4,7 +4,8 @@ Directions are unit vectors in base_link; points are x and y in base_link [m].
 """
 
 import math
-from typing import Callable, Dict, List, NamedTuple, Sequence, Tuple
+import sys
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import Body, SonarMount
@@ -16,6 +17,9 @@ BESIDE_RAD = math.radians(5.0)
 MOST_RAYS = 8192
 """A scan with more rays is not used.  A laser with a ray each 0.05 deg all around has 7200.  For 8192 rays the zones
 hold their lock for about 10 ms."""
+GAP_RAD = math.radians(3.0)
+"""Rays without a reading are a gap if the readings on either side are farther apart than this: 5 cm at 1 m.  Lasers
+lose single rays at edges and on dark spots."""
 _ROUNDING = 1e-9
 
 
@@ -54,6 +58,16 @@ class Outline(NamedTuple):
         corners = (near, left), (far, left), (far, right), (near, right)
         return [(along * x - side * y, along * y + side * x) for along, side in corners]
 
+    def meets(self, start: Point, ray: Point, direction: Point) -> bool:
+        """Return whether a ray from a point crosses the area that the outline enters, however far it moves."""
+        (x, y), sides = direction, self.sides(direction)
+        ahead, aside = ray[0] * x + ray[1] * y, ray[1] * x - ray[0] * y
+        if ahead <= 0:
+            return False
+        way = max(0.0, (self._reach_m(direction) - start[0] * x - start[1] * y) / ahead)
+        side = start[1] * x - start[0] * y + way * aside
+        return (side >= min(sides) or aside > 0) and (side <= max(sides) or aside < 0)
+
     def wall_room(self, point: Point, direction: Point) -> float:
         """Return how far the outline may move until it touches a wall across the path at a point [m]."""
         return point[0] * direction[0] + point[1] * direction[1] - self._reach_m(direction)
@@ -68,13 +82,19 @@ def outline_of(body: Body, clearance_m: float) -> Outline:
 
 
 class Scan(NamedTuple):
-    """Ranges of a laser [m], angle of the first ray, angle between rays (counter-clockwise), and mounting pose."""
+    """Ranges of a laser [m], angle of the first ray, angle between rays (counter-clockwise), and mounting pose.
+
+    -inf counts as the shortest range `near_m`.  NaN and other ranges below that are not readings; nor are +inf and
+    ranges beyond `far_m`, unless `inf_is_free`: then nothing is in range there.
+    """
 
     ranges: Sequence[float]
     first_rad: float
     step_rad: float
     near_m: float
     mount: Pose  # in base_link
+    far_m: float = math.inf
+    inf_is_free: bool = False
 
     @property
     def trouble(self) -> str:
@@ -89,23 +109,34 @@ class Scan(NamedTuple):
             return f"its mount is {self.mount}, expected finite numbers"
         return ""
 
-    @property
-    def valid(self) -> bool:
-        """At least one ray has a reading; "nothing in range" is a reading."""
-        return any(range_m >= self.near_m or range_m == -math.inf for range_m in self.ranges)
-
-    def points(self) -> List[Point]:
-        """Return the points that the rays hit.
-
-        -inf counts as the shortest range of the laser; other ranges below that, and NaN, are not readings.
-        """
+    def points(self) -> Dict[int, Point]:
+        """Return the points that rays hit, by the numbers of the rays."""
         x, y, yaw = self.mount
-        points = []
+        points = {}
         for number, range_m in enumerate(self.ranges):
-            if self.near_m <= range_m < math.inf or range_m == -math.inf:
-                range_m, angle = max(range_m, self.near_m), yaw + self.first_rad + number * self.step_rad
-                points.append((x + range_m * math.cos(angle), y + range_m * math.sin(angle)))
+            if self.near_m <= range_m <= self.far_m and range_m < math.inf or range_m == -math.inf:
+                range_m, angle = max(range_m, self.near_m), yaw + self.angle_rad(number)
+                points[number] = x + range_m * math.cos(angle), y + range_m * math.sin(angle)
         return points
+
+    def gaps(self) -> List[int]:
+        """Return the numbers of the rays without a reading, except those of a width of up to `GAP_RAD`."""
+        most_m = math.inf if self.inf_is_free else min(self.far_m, sys.float_info.max)
+        known = [n for n, m in enumerate(self.ranges) if self.near_m <= m <= most_m or m == -math.inf]
+        gaps: List[int] = []
+        for before, after in zip([-1, *known], [*known, len(self.ranges)]):
+            at_an_end = before < 0 or after == len(self.ranges)  # no reading limits the gap there
+            if at_an_end or (after - before) * abs(self.step_rad) > GAP_RAD + _ROUNDING:
+                gaps += range(before + 1, after)
+        return gaps
+
+    def angle_rad(self, number: float) -> float:
+        """Return the angle of a ray in the frame of the laser."""
+        return self.first_rad + number * self.step_rad
+
+    def number_at(self, angle_rad: float) -> float:
+        """Return the number of the ray nearest to an angle; it may be one that the scan does not have."""
+        return ((angle_rad - self.first_rad) / self.step_rad + 0.5) // 1 if self.step_rad else 0.0
 
     def looks(self, direction: Point) -> bool:
         """Return whether the direction lies between the first and the last ray."""
@@ -159,12 +190,20 @@ def slant_room(outline: Outline, mount: SonarMount, range_m: float, direction: P
     return min(room_m, outline.wall_room(edge, direction))
 
 
+def scan_gap(outline: Outline, scan: Scan, gaps: Sequence[int], direction: Point) -> bool:
+    """Return whether one of the rays `gaps` of a scan crosses the path in a direction."""
+    x, y, yaw = scan.mount
+    angles = (yaw + scan.angle_rad(number) for number in gaps)
+    return any(outline.meets((x, y), (math.cos(angle), math.sin(angle)), direction) for angle in angles)
+
+
 def scan_room(outline: Outline, points: Sequence[Point], direction: Point) -> float:
     """Return the free distance if a laser has seen these points [m]."""
     return min((outline.room(point, direction) for point in points), default=math.inf)
 
 
 Room = Callable[[Point], float]
+Gap = Callable[[Point], bool]
 
 
 class Sight:
@@ -173,21 +212,33 @@ class Sight:
     def __init__(self) -> None:
         self.heard_s = self.known_s = -math.inf
         self._rooms: Tuple[Room, ...] = ()
+        self._gap: Optional[Gap] = None
         self._found: Dict[Tuple[Point, bool], float] = {}
+        self._gaps: Dict[Point, bool] = {}
         self._places: Sequence[Point] = ()
 
     def hear(self, now: float) -> None:
         """Note a message without a valid reading."""
         self.heard_s = now
 
-    def know(self, room: Room, slant_room: Room, places: Sequence[Point], now: float) -> None:
+    def know(
+        self, room: Room, slant_room: Room, places: Sequence[Point], now: float, gap: Optional[Gap] = None
+    ) -> None:
         """Note a valid reading: the free distance by direction, and the possible places of the robot.
 
-        `room` applies to covered directions, `slant_room` to directions seen only at an angle.
+        `room` applies to covered directions, `slant_room` to directions seen only at an angle.  `gap` says in which
+        directions the reading does not know all that may be in the way; None: in none.
         """
         self.heard_s = self.known_s = now
-        self._rooms, self._places = (slant_room, room), places
+        self._rooms, self._gap, self._places = (slant_room, room), gap, places
         self._found.clear()
+        self._gaps.clear()
+
+    def knows(self, direction: Point) -> bool:
+        """Return whether the last message has a valid reading for this direction."""
+        if self._gap is not None and direction not in self._gaps:
+            self._gaps[direction] = self._gap(direction)
+        return self.known_s == self.heard_s and not self._gaps.get(direction, False)
 
     def room_m(self, direction: Point, watched: bool, place: Point) -> float:
         """Return the free distance of the robot at this place [m]."""

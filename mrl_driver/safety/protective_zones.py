@@ -17,7 +17,7 @@ turn away.  Unknown readings are treated as follows:
 - A sonar that sees nothing: an obstacle may be where its range ends.
 - A sonar or a laser that is silent: the robot stops in its direction.
 - A range of -inf (too near, REP 117): the robot stops as well; for a laser it counts as the shortest range.
-- A scan without a valid range: as a sonar without a valid reading.
+- Rays of a scan that cross the path without a reading, in a gap (`Scan.gaps`): as a sonar without a valid reading.
 - A scan whose geometry is not finite, or with no or too many rays (`Scan.trouble`): as if the laser were silent.
 """
 
@@ -38,6 +38,7 @@ from .free_distance import (
     covers,
     looks,
     outline_of,
+    scan_gap,
     scan_room,
     slant_room,
     sonar_room,
@@ -142,6 +143,8 @@ class Zones:
         self._stale_s = stale_s(sonars)
         self._sights = {name: Sight() for name in (*sonars, *([LASER] if laser else []))}
         self._scan: Optional[Scan] = None
+        self._hits: Dict[float, Tuple[Point, Point, float]] = {}
+        """For rays of the last scan: the point, the place of the robot then, and the time."""
         self._place: Point = (0.0, 0.0)
         self._places: Deque[Tuple[float, Point]] = deque()
         self._held: Dict[int, bool] = {}
@@ -201,16 +204,25 @@ class Zones:
         trouble = scan.trouble
         if trouble:
             return trouble
-        points = scan.points()
+        points, gaps = scan.points(), scan.gaps()
         with self._lock:
-            self._scan = scan
-            sight = self._sights.setdefault(LASER, Sight())
-            if scan.valid:
-                room = partial(scan_room, self._outline, points)
-                sight.know(room, room, self._recent(), now)
-            else:
-                sight.hear(now)
+            kept = self._kept(scan, gaps, now)
+            self._scan, here = scan, self._place
+            self._hits = {**{number: (point, here, now) for number, point in points.items()}, **kept}
+            moved = ((hit, here[0] - place[0], here[1] - place[1]) for hit, place, _ in kept.values())
+            seen = [*points.values(), *((x - ahead_m, y - left_m) for (x, y), ahead_m, left_m in moved)]
+            room = partial(scan_room, self._outline, seen)
+            gap = partial(scan_gap, self._outline, scan, gaps)
+            self._sights.setdefault(LASER, Sight()).know(room, room, self._recent(), now, gap)
         return trouble
+
+    def _kept(self, scan: Scan, gaps: List[int], now: float) -> Dict[float, Tuple[Point, Point, float]]:
+        """Return what the rays in the gaps of a scan have hit before, unless that is stale."""
+        before = self._scan
+        if before is None:
+            return {}
+        found = ((number, self._hits.get(before.number_at(scan.angle_rad(number)))) for number in gaps)
+        return {number: hit for number, hit in found if hit is not None and now - hit[2] <= self._stale_s}
 
     def limit(self, linear_m_s: float, now: float) -> float:
         """Return the allowed speed for a requested speed along x [m/s]."""
@@ -273,7 +285,7 @@ class Zones:
                 continue
             if now - sight.heard_s > self._stale_s:
                 return 0.0, False
-            known = known and sight.known_s == sight.heard_s
+            known = known and sight.knows(direction)
             if now - sight.known_s <= self._stale_s:
                 rooms_m.append(sight.room_m(direction, watched, self._place))
         return min(rooms_m, default=math.inf), watched and known

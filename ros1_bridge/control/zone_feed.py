@@ -52,7 +52,7 @@ class ZoneWatch:
         settings = parameters.zone_settings(model.limits.linear_acceleration_m_s2)
         self.zones = Zones(settings, model.body, model.sonars if by_sonar else {}, parameters.zones_by_laser)
         self._stamp_s: Optional[float] = None
-        self._scan_age = StampAge(SCAN_OLD_S)
+        self._scan_age, self._inf_is_free = StampAge(SCAN_OLD_S), parameters.zone_inf_is_free
 
     def on_telemetry(self, telemetry: Telemetry, standing: bool) -> None:
         """Pass on the distance and the new ranges of a frame; if the robot stands still, check the zones ahead."""
@@ -71,10 +71,11 @@ class ZoneWatch:
 
         `clock_s` is the clock of its stamp.  Returns why the scan is ignored; empty if it is not.
         """
-        age = self._scan_age
+        age, rays = self._scan_age, (message.ranges, message.angle_min, message.angle_increment)
+        far_m = message.range_max if message.range_max > 0 else math.inf  # 0: the driver does not say it
+        scan = Scan(*rays, message.range_min, mount, far_m, self._inf_is_free)
         return age.trouble(message.header.stamp.to_sec(), clock_s, now) or self.zones.on_scan(
-            Scan(message.ranges, message.angle_min, message.angle_increment, message.range_min, mount),
-            age.made_s,
+            scan, age.made_s
         )
 
 

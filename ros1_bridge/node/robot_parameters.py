@@ -157,6 +157,9 @@ class Parameters:
     zone_outer_speed: float = parameter(
         0.0, "Lowest speed that the outer warning zone sets; 0: it does not slow the robot", (0, 10), "m/s"
     )
+    zone_inf_is_free: bool = parameter(
+        False, "A laser's +Inf means that nothing is in range; false: it is not a reading, as of an RPLIDAR"
+    )
     robot_id: Optional[int] = None
     """Robot id that the name given as port stands for; None if it is not a name, or one without."""
     virtual: Optional[bool] = None

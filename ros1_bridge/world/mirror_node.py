@@ -339,7 +339,9 @@ class MirrorNode:
         assert self._odometry is not None
         first_rad, last_rad = arc_of(list(self._mounts.values()))
         rays = first_rad, RAY_RAD, 1 + int((last_rad - first_rad) / RAY_RAD)
-        ranges = self._mirror.scan(ORIGIN, *rays, RANGE_M, LASER_NEAR_M)
+        ranges = np.minimum(
+            self._mirror.scan(ORIGIN, *rays, RANGE_M, LASER_NEAR_M), RANGE_M
+        )  # +Inf may be no reading
         header = Header(0, self._odometry.header.stamp, self._odometry.child_frame_id)
         return scan_of(header, Laser(*rays, RATE_HZ, LASER_NEAR_M, RANGE_M, 0.0, 0.0), ranges)
 

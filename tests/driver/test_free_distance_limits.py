@@ -89,29 +89,66 @@ def scan(*ranges, first_deg=0.0, step_deg=90.0, near_m=0.1, mount=ORIGIN):
 
 
 @pytest.mark.parametrize(
-    ("range_m", "valid", "distances_m"),
+    ("range_m", "given", "gaps", "distances_m"),
     [
-        (0.1, True, [0.1]),
-        (0.0999, False, []),
-        (5.0, True, [5.0]),
-        (-math.inf, True, [0.1]),
-        (math.inf, True, []),
-        (math.nan, False, []),
-        (-1.0, False, []),
+        (0.1, {}, [0], [0.1]),
+        (0.0999, {}, [0, 1], []),
+        (5.0, {}, [0], [5.0]),
+        (-math.inf, {}, [0], [0.1]),
+        (math.inf, {}, [0, 1], []),
+        (math.inf, {"inf_is_free": True}, [0], []),
+        (5.0, {"far_m": 5.0}, [0], [5.0]),
+        (5.0, {"far_m": 4.9}, [0, 1], []),
+        (5.0, {"far_m": 4.9, "inf_is_free": True}, [0], []),
+        (math.nan, {"inf_is_free": True}, [0, 1], []),
+        (-1.0, {}, [0, 1], []),
     ],
 )
-def test_a_reading_is_valid_from_the_shortest_range_on(range_m, valid, distances_m):
+def test_a_reading_is_valid_from_the_shortest_range_to_the_longest(range_m, given, gaps, distances_m):
     """-inf is too near, and counts as the shortest range; a ray without a hit keeps its place."""
-    assert scan(math.nan, range_m, 0.0).valid == valid
-    found = scan(math.nan, range_m).points()
-    assert found == [(pytest.approx(0.0), pytest.approx(each)) for each in distances_m]
-    assert not scan().valid and scan().points() == []
+    found = scan(math.nan, range_m)._replace(**given)
+    assert found.gaps() == gaps
+    assert list(found.points().values()) == [
+        (pytest.approx(0.0), pytest.approx(each)) for each in distances_m
+    ]
+
+
+@pytest.mark.parametrize(("lost", "step_deg", "gaps"), [(2, 1.0, 0), (3, 1.0, 3), (2, -1.1, 2), (1, 0.0, 0)])
+def test_rays_without_a_reading_are_a_gap_of_more_than_three_degrees(lost, step_deg, gaps):
+    """Single rays are lost at edges."""
+    assert scan(1.0, *[math.nan] * lost, 1.0, step_deg=step_deg).gaps() == list(range(1, 1 + gaps))
+
+
+def test_a_gap_at_the_end_of_a_scan_may_be_of_any_width():
+    assert scan(math.nan, *[1.0] * 3, math.nan, step_deg=0.1).gaps() == [0, 4]
+
+
+@pytest.mark.parametrize(
+    ("start", "angle_deg", "meets"),
+    [
+        ((0.0, 0.0), 0.0, True),
+        ((0.0, 0.0), 180.0, False),
+        ((0.0, 0.0), 90.0, False),
+        ((0.0, 0.0), 56.0, True),  # by hand: the corner is at atan(0.3 / 0.2) = 56.3 deg
+        ((0.0, 0.0), -57.0, False),
+        ((0.3, 0.0), 89.0, True),
+        ((0.0, 1.0), 0.0, False),
+        ((0.0, 1.0), 10.0, False),
+        ((0.0, 1.0), -10.0, True),
+        ((0.0, -1.0), 10.0, True),
+    ],
+)
+def test_a_ray_meets_the_way_that_it_crosses_or_begins_in(start, angle_deg, meets):
+    outline = free_distance.Outline(0.2, 0.2, 0.1)
+    ray = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+    assert outline.meets(start, ray, AHEAD) == meets
+    assert outline.meets((-start[1], start[0]), (-ray[1], ray[0]), LEFT) == meets  # the same to the left
 
 
 def test_points_of_a_scan_are_where_its_rays_end_seen_from_the_robot():
     """The laser is 0.2 m ahead and 0.1 m to the left, and its first ray looks straight ahead."""
     points = scan(1.0, 2.0, 3.0, first_deg=-30.0, mount=Pose(0.2, 0.1, math.radians(30.0))).points()
-    assert [round(each, 9) for point in points for each in point] == [1.2, 0.1, 0.2, 2.1, -2.8, 0.1]
+    assert [round(each, 9) for point in points.values() for each in point] == [1.2, 0.1, 0.2, 2.1, -2.8, 0.1]
 
 
 @pytest.mark.parametrize(("first_deg", "step_deg"), [(-60.0, 60.0), (60.0, -60.0)])

@@ -190,6 +190,53 @@ def test_a_laser_limits_the_ways_that_it_sees(range_m, span_deg, ahead_m_s, back
     assert (zones.limit(0.3, 0.0), zones.limit(-0.3, 0.0)) == (ahead_m_s, back_m_s)
 
 
+def saw_except_ahead(zones, ahead_m, now, rays=40, **given):
+    """A scan all around with walls at 2 m, and in this many rays ahead another range."""
+    ranges = [ahead_m if abs(number - 180) <= rays / 2 else 2.0 for number in range(361)]
+    zones.on_scan(Scan(ranges, -math.pi, math.radians(1), 0.15, LASER, 12.0, **given), now)
+    return zones.limit(0.3, now)
+
+
+@pytest.mark.parametrize("lost_m", [math.inf, math.nan, 0.1, 13.0])
+def test_rays_ahead_without_a_reading_are_not_free_and_keep_what_they_saw_for_a_second(lost_m):
+    """As those of an RPLIDAR when something is closer than its 0.15 m."""
+    zones = with_laser()
+    assert saw_except_ahead(zones, 0.16, 0.0) == 0.0
+    assert [saw_except_ahead(zones, lost_m, now) for now in (0.5, 1.0, 1.1)] == [0.0, 0.0, SLOW]
+    assert not zones.warning_clear and zones.protective_clear
+
+
+def test_what_lost_rays_saw_comes_closer_as_the_robot_moves():
+    zones = with_laser()
+    saw_except_ahead(zones, 1.0, 0.0)
+    zones.moved(0.75, 0.1)
+    saw_except_ahead(zones, math.nan, 0.7)
+    assert zones.limit(0.3, 0.7) < SLOW
+
+
+def test_what_rays_saw_before_is_known_though_the_scan_begins_at_another_ray():
+    """As that of a laser whose turns have not always as many rays."""
+    zones = with_laser()
+    saw_except_ahead(zones, 0.16, 0.0, rays=3)
+    ranges = [math.nan if abs(number - 150) <= 1 else 2.0 for number in range(301)]
+    zones.on_scan(Scan(ranges, math.radians(-150), math.radians(1), 0.15, LASER), 0.1)
+    assert zones.limit(0.3, 0.1) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("rays", "given", "allowed_m_s"), [(40, {"inf_is_free": True}, 0.3), (1, {}, 0.3), (2, {}, SLOW)]
+)
+def test_rays_of_infinity_are_free_if_the_laser_means_it_or_if_they_are_few(rays, given, allowed_m_s):
+    assert saw_except_ahead(with_laser(), math.inf, 0.0, rays, **given) == allowed_m_s
+
+
+def test_rays_without_a_reading_beside_the_way_slow_nothing():
+    zones = with_laser()
+    ranges = [math.nan if abs(number - 180) > 90 else 2.0 for number in range(361)]
+    zones.on_scan(Scan(ranges, -math.pi, math.radians(1), 0.15, LASER), 0.0)
+    assert (zones.limit(0.3, 0.0), zones.limit(-0.3, 0.0)) == (0.3, -SLOW)
+
+
 def test_a_laser_that_nobody_has_announced_counts_from_its_first_scan_on():
     zones = zones_of(sonars={})
     assert zones.limit(0.3, 0.0) == SLOW
@@ -487,6 +534,7 @@ def test_a_sensor_is_silent_after_more_than_a_second(age_s, allowed_m_s):
 def test_a_reading_counts_for_a_second_although_invalid_ones_follow(age_s, allowed_m_s):
     zones = point_saw(point_zones(), 0.1)
     point_saw(zones, math.nan, 0.5)
+    point_saw(zones, math.nan, age_s)
     assert zones.limit(ASKED_M_S, age_s) == allowed_m_s
 
 

@@ -262,7 +262,7 @@ def test_manual_speed_and_zones_of_an_emulated_robot_reach_its_node(config_of):
     names = sorted(name for name in own if name == "manual_speed" or name.startswith("zone_"))
     given = {name: 0.01 * (2 + i) for i, name in enumerate(names)}
     values = values_of(config_of("sim.launch", *(f"{name}:={value}" for name, value in given.items())))
-    assert {name: values[f"/robot_node/{name}"] for name in given} == given and len(given) == 10
+    assert {name: values[f"/robot_node/{name}"] for name in given} == given and len(given) == 11
 
 
 def test_the_readme_lists_the_arguments_of_a_team():

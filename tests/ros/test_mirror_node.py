@@ -157,7 +157,9 @@ def test_scan_for_the_zones_has_the_virtual_robot_where_the_sonars_look(driver):
     assert scan.header.frame_id == driver.base and ahead == pytest.approx(
         AWAY_M - BODY.length_m / 2, abs=0.01
     )
-    seen = Scan(scan.ranges, scan.angle_min, scan.angle_increment, scan.range_min, Pose(0.0, 0.0, 0.0))
+    rays = scan.ranges, scan.angle_min, scan.angle_increment
+    seen = Scan(*rays, scan.range_min, Pose(0.0, 0.0, 0.0), scan.range_max)
+    assert seen.gaps() == []
     assert seen.looks((1.0, 0.0)) and not seen.looks((-1.0, 0.0))
 
 

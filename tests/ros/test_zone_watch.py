@@ -68,9 +68,10 @@ def test_a_laser_lies_flat_and_upright():
 MOUNT, CLOCK_S = Pose(0.1, 0.0, 0.0), 1700000000.0
 
 
-def scan_of(stamp_s):
+def scan_of(stamp_s, range_m=math.inf, range_max=0.0):
     """A scan on which nothing is ahead."""
-    scan = LaserScan(angle_min=-0.5, angle_increment=0.1, range_min=0.05, ranges=[math.inf] * 11)
+    scan = LaserScan(angle_min=-0.5, angle_increment=0.1, range_min=0.05, ranges=[range_m] * 11)
+    scan.range_max = range_max
     scan.header.stamp = Time.from_sec(stamp_s)
     return scan
 
@@ -89,6 +90,23 @@ def test_zones_stop_if_scans_arrive_that_are_not_of_now(stamp_of):
         if made.zones.limit(0.3, now) == 0:
             stands_s.append(now)
     assert 1.9 + STALE_S < stands_s[0] < 2.2 + STALE_S and len(stands_s) == 50 - round(10 * stands_s[0])
+
+
+@pytest.mark.parametrize(
+    ("range_m", "range_max", "inf_is_free", "allowed_m_s"),
+    [
+        (math.inf, 4.0, False, 0.1),
+        (math.inf, 4.0, True, 0.3),
+        (5.0, 4.0, False, 0.1),
+        (5.0, 0.0, False, 0.3),
+        (4.0, 4.0, False, 0.3),
+    ],
+)
+def test_a_scan_is_free_as_far_as_its_laser_sees(range_m, range_max, inf_is_free, allowed_m_s):
+    """And at +Inf only if the parameter says so; a driver may leave out `range_max`."""
+    made = watch(zones="scan", zone_inf_is_free=inf_is_free)
+    made.on_scan(scan_of(CLOCK_S, range_m, range_max), MOUNT, CLOCK_S, 0.0)
+    assert made.zones.limit(0.3, 0.0) == allowed_m_s
 
 
 @pytest.mark.parametrize(("command", "speeds"), [(Twist(0.2, 0.1), (0.2, 0.1)), (None, (0.0, 0.0))])
