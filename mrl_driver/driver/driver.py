@@ -479,8 +479,8 @@ class Driver:
     @property
     def pose(self) -> Pose:
         """Pose in the odom frame; (0, 0, 0) at the start, and always with a board without motors; NaN for motors
-        without encoders.  It has no jump when the board restarts, or when the heading changes from gyro and wheels to
-        the wheels alone.
+        without encoders.  The yaw is in (-pi, pi]: for larger turns, sum up its changes.  It has no jump when the board
+        restarts, or when the heading changes from gyro and wheels to the wheels alone.
         """
         return self._core.state.odometry.pose if self._core.state.odometry else ORIGIN
 

@@ -1,6 +1,8 @@
 """The driver in simulated time: the same class, but on a board that is stepped instead of a port.
 
-    board = boards.make(boards.Options(robot="traxbot")).engine
+    from sim_arduino.serve import factory
+
+    board = factory.make(factory.Options(robot="traxbot")).board
     with SteppedDriver(board) as robot:
         for _ in range(20):
             robot.drive(0.2, 0.0)

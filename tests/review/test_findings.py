@@ -11,7 +11,10 @@ import pytest
 from mrl_driver.apps.review.drive_data import Column, read
 from mrl_driver.apps.review.findings import find
 from mrl_driver.apps.review.findings.evidence import SETTLING_S, interruptions
+from mrl_driver.driver import Options
 from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.simulated import SteppedDriver
+from sim_arduino.serve import factory
 from tests.conftest import EXPLORE
 
 from .drives import Drive, record
@@ -85,6 +88,17 @@ def test_a_program_that_ended_because_its_port_went_away_has_lost_its_link(tmp_p
     with path.open("a") as file:
         file.write("9.0 ! ended LinkLost: the port went away\n")
     assert [each.kind for each in find(read(RecordedDriver(str(path))))] == ["link_lost"]
+
+
+def test_a_robot_whose_front_sonar_touches_a_wall_pushes_it(tmp_path):
+    """Its sonar shows the shortest range then."""
+    path = str(tmp_path / "drive.mrl")
+    board = factory.make(factory.Options(robot="traxbot", world="room")).board
+    with SteppedDriver(board, "traxbot", Options(record=path)) as robot:
+        for _ in range(220):
+            robot.drive(0.2, 0.0)
+            robot.wait(0.1)
+    assert [each.kind for each in find(read(RecordedDriver(path)))] == ["pushing"]
 
 
 @pytest.fixture(scope="module")

@@ -146,13 +146,13 @@ def _pushing(drive: DriveData, front: _Sonar) -> Iterator[Finding]:
     driven = np.cumsum(np.append(0.0, np.diff(moments)) * np.maximum(speeds, 0.0))
     nearest_m = front.kind.nearest_m
     pushed_m = nearest_m + PUSHED_M
-    for first, end in runs(front.values == -math.inf):
+    for first, end in runs(front.values <= nearest_m):  # a sonar in contact shows this, or -inf
         far = np.interp(front.times_s[first:end], moments, driven)
         if far[-1] - far[0] >= pushed_m:
             at_s = front.times_s[first + int(np.searchsorted(far, far[0] + pushed_m))]
             text = (
-                f"The wheels drove {far[-1] - far[0]:.2f} m forward, while the front sonar saw an obstacle closer "
-                f"than {nearest_m:g} m: they slipped, or the obstacle moved. The pose is off by as much."
+                f"The wheels drove {far[-1] - far[0]:.2f} m forward, while the front sonar saw an obstacle at most "
+                f"{nearest_m:g} m away: they slipped, or the obstacle moved. The pose is off by as much."
             )
             yield finding("pushing", 59, text, heard(drive, at_s, *TELEMETRY))
             return
