@@ -483,6 +483,17 @@ def test_beyond_this_computer_the_page_is_encrypted(tmp_path, monkeypatch):
     serving(scenario, settings)
 
 
+def test_the_name_that_the_links_have_is_one_of_the_servers(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    settings = listening.settings_for("robot.lab.example:0")._replace(host="127.0.0.1", context=None)
+
+    async def scenario(site):
+        async with site.session.get(f"{site.url}/", headers={"Host": "robot.lab.example:8642"}) as answer:
+            assert answer.status == 200
+
+    serving(scenario, settings)
+
+
 # -- files of the page
 
 

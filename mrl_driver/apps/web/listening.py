@@ -47,8 +47,9 @@ def settings_for(
                 f"--new-tokens is given, but {host} needs no token; give an address of this computer with --listen"
             )
         return Settings(host, port)
-    names = access.own_names()
-    context = certificate.context([*access.reachable(host), *names], tell)
+    reachable = access.reachable(host)
+    names = [*access.own_names(), *reachable]  # the links are to these, and they may be names
+    context = certificate.context(names, tell)
     return Settings(host, port, access.tokens(new_tokens), context, names)
 
 
