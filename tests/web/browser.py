@@ -212,6 +212,11 @@ class Tab:
             self.tell("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
         self._touched = False
 
+    def mouse(self, kind: str, element: str) -> None:
+        """The mouse is pressed (`mousePressed`) on the centre of an element, or released there (`mouseReleased`)."""
+        x, y = self.centre(element)
+        self.tell("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
     def press(self, element: str) -> None:
         """An element, by its id or a selector, gets the focus and the Enter key: it may move meanwhile."""
         self.run(
@@ -220,12 +225,18 @@ class Tab:
         )
         self.type("Enter")
 
-    def key(self, kind: str, name: str) -> None:
+    def key(self, kind: str, name: str, **more: Any) -> None:
         """A key is pressed (`keyDown`) or released (`keyUp`): a letter, or a name as `ArrowUp`."""
         code, number = _KEYS[name]
         text = {"text": "\r"} if name == "Enter" and kind == "keyDown" else {}
         self.tell(
-            "Input.dispatchKeyEvent", type=kind, key=name, code=code, windowsVirtualKeyCode=number, **text
+            "Input.dispatchKeyEvent",
+            type=kind,
+            key=name,
+            code=code,
+            windowsVirtualKeyCode=number,
+            **text,
+            **more,
         )
 
     def type(self, name: str) -> None:
@@ -263,6 +274,7 @@ _KEYS: Dict[str, Tuple[str, int]] = {
     "Tab": ("Tab", 9),
     "Enter": ("Enter", 13),
     "Escape": ("Escape", 27),
+    " ": ("Space", 32),
 }
 
 

@@ -66,6 +66,36 @@ def test_a_key_drives_until_it_is_released(visit, robot):
         moves_and_stops(robot, desk, *key(desk, name))
 
 
+@pytest.mark.parametrize("button", ["forward", "zoom-in"])
+def test_space_stops_after_a_click_on_a_button(visit, button):
+    desk = visit(DESK).take()
+    for kind in ("mousePressed", "mouseReleased"):
+        desk.tab.mouse(kind, button)
+    desk.tab.type(" ")
+    desk.wait(latched="yes")
+    desk.take()
+
+
+def test_space_stops_a_robot_that_keys_drive_wherever_the_focus_is(visit, robot):
+    desk = visit(DESK).take()
+    begin, end = key(desk, "w")
+    desk.tab.run("document.getElementById('forward').focus()")
+    desk.hold_until(lambda: robot.moves, begin, end)
+    desk.tab.type(" ")
+    desk.wait(latched="yes")
+    end()
+    desk.take()
+
+
+def test_space_on_a_button_with_the_focus_drives_until_it_is_released(visit, robot):
+    """Its key repeats meanwhile."""
+    desk = visit(DESK).take()
+    desk.tab.run("document.getElementById('forward').focus()")
+    begin, end = key(desk, " ")
+    moves_and_stops(robot, desk, lambda: (begin(), desk.tab.key("keyDown", " ", autoRepeat=True)), end)
+    assert desk.state["latched"] == "no"
+
+
 def test_a_gamepad_drives_while_its_shoulder_button_is_held(visit, robot):
     desk = visit(DESK, PAD).take()
     desk.tab.run("dispatchEvent(Object.assign(new Event('gamepadconnected'), {gamepad: window.pad}));")

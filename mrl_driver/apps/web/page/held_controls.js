@@ -164,16 +164,24 @@ export function pad(press, speeds) {
   }
 }
 
-/** Arrow keys or w a s d drive; Esc and Space stop.  `helm` has `isMine` and `stop()`. */
+/** Arrow keys or w a s d drive; Esc stops, and Space where it presses no button.  `helm` has `isMine` and `stop()`. */
 export function keyboard(press, speeds, helm) {
   const ways = directions(press, speeds);
   const target = (event) => (event.target instanceof Element ? event.target : document.body);
+  const stops = (event) => event.key === "Escape" || (event.key === " " && (press.held || !target(event).closest(CONTROLS)));
+  const stop = (event) => {
+    if (!stops(event)) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    if (!event.repeat) helm.stop();
+  };
+  window.addEventListener("keydown", stop, true); // before a button that has the focus
+  document.addEventListener("mousedown", (event) => {
+    if (!target(event).closest("button")) return;
+    event.preventDefault(); // the mouse gives no button the focus, which would take the next Space
+    document.activeElement?.blur();
+  });
   window.addEventListener("keydown", (event) => {
-    if (event.key === "Escape" || (event.key === " " && !target(event).closest(CONTROLS))) {
-      event.preventDefault();
-      if (!event.repeat) helm.stop();
-      return;
-    }
     if (event.ctrlKey || event.altKey || event.metaKey) {
       ways.clear(); // the browser may keep the release of the other keys to itself
       return;
