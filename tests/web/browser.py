@@ -71,6 +71,18 @@ window.WebSocket = class {
 };
 """
 """Until `window.free` is true, the server has no place for the page."""
+LOST_STOP = (
+    NO_WEBSOCKET
+    + """
+const send = window.fetch;
+window.fetch = (url, options) => {
+  if (window.lost || !String(options?.body).includes('"stop"')) return send(url, options);
+  window.lost = true;
+  return Promise.reject(new TypeError("Failed to fetch"));
+};
+"""
+)
+"""The first STOP that the page sends by POST is lost, and its event stream goes on."""
 _WAIT = """
 const done = arguments[arguments.length - 1], holds = () => %s;
 if (holds()) done(); else {

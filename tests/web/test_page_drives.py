@@ -6,7 +6,7 @@ from mrl_driver.recording.recording import Recording
 from tests.driver.emulator import MOVE, STOP
 from tests.waiting import wait_until
 
-from .browser import DESK, NO_PLACE, NO_WEBSOCKET, PAD, PHONE
+from .browser import DESK, LOST_STOP, NO_PLACE, NO_WEBSOCKET, PAD, PHONE
 from .robot_page import RobotPage
 
 pytestmark = pytest.mark.realtime  # the page's limits for late commands are the wall clock's
@@ -177,6 +177,14 @@ def test_a_stop_that_the_network_has_lost_is_sent_again(visit, shared, before):
     finally:
         shared.proxy.flows.set()
     page.wait(latched="yes")
+    page.take()
+
+
+def test_a_stop_that_is_lost_alone_is_sent_again(visit):
+    page = visit(DESK, LOST_STOP).arrive()
+    page.tab.press("stop")
+    page.wait(latched="yes")
+    assert page.tab.run("return window.lost")
     page.take()
 
 

@@ -82,7 +82,7 @@ export class Helm {
     return this.state.latched ? "release the emergency stop first" : "";
   }
 
-  /** Sends the emergency stop; when a link is back it is sent again, unless the server has confirmed it. */
+  /** Sends the emergency stop, again and again until the server has confirmed it, also when a link is back. */
   stop() {
     this.stopping();
     this.#stopWaits = true;
@@ -91,10 +91,16 @@ export class Helm {
       notice("STOP waits for the link. Use the switch on the robot.");
       return;
     }
-    clearTimeout(this.#stopTimer);
-    this.#stopTimer = setTimeout(() => {
-      if (!this.#stopWaits) return;
-      alarm("STOP is sent but not confirmed yet. Use the switch on the robot.");
+    clearInterval(this.#stopTimer);
+    let said = false;
+    this.#stopTimer = setInterval(() => {
+      if (!this.#stopWaits) {
+        clearInterval(this.#stopTimer);
+        return;
+      }
+      this.#connection.send({ type: "stop" });
+      if (!said) alarm("STOP is sent but not confirmed yet. Use the switch on the robot.");
+      said = true;
       notice("STOP is not confirmed yet. Use the switch on the robot.");
     }, CONFIRM_MS);
   }
