@@ -184,6 +184,21 @@ def test_a_connection_that_ends_while_it_is_written_to_ends_alone(way, written):
     serving(run)
 
 
+@pytest.mark.parametrize("part", [asyncio.Transport, asyncio.Protocol])
+def test_a_callback_of_one_connection_that_fails_ends_no_server(part):
+    """Python 3.11.2: a TLS connection that ends while it is written to is closed twice, and the second time fails."""
+
+    class Broken(part):
+        def fail(self):
+            raise AttributeError
+
+    async def scenario(site):
+        asyncio.get_running_loop().call_soon(Broken().fail)
+        await goes_on(site)
+
+    serving(scenario)
+
+
 @pages
 async def test_each_report_of_the_robot_is_a_sample(site, page):
     await page.next("view")
@@ -400,6 +415,35 @@ def test_a_page_that_floods_the_server_is_closed_but_its_stop_counts(monkeypatch
             await page.send("ping", t=0, heard=None, heard_t=None)
             assert "too many" in (await page.next("closed"))["why"]
             assert ("latch",) in site.robot.calls
+
+    serving(scenario)
+
+
+def test_pings_of_a_page_are_answered_and_counted(monkeypatch):
+    monkeypatch.setattr(client, "MOST_PER_S", 3)
+    count, begin_s = client.Client.is_flooding, time.monotonic()
+    monkeypatch.setattr(client.Client, "is_flooding", lambda page, now_s: count(page, begin_s))  # one second
+
+    async def scenario(site):
+        async with site.page(autoping=False) as page:
+            for _ in range(4):
+                await page.link.ping()
+            seen = []
+            while not page.link.closed:
+                seen.append(await page.link.receive())
+            assert sum(each.type.name == "PONG" for each in seen) == 3
+            assert any("too many" in each.data for each in seen if each.type.name == "TEXT")
+
+    serving(scenario)
+
+
+def test_a_stranger_who_pings_before_hello_is_cut_off_without_an_answer():
+    async def scenario(site):
+        reader, writer = await asyncio.open_connection("127.0.0.1", site.server.port)
+        writer.write(UPGRADE % (22 * b"A" + b"==") + 2 * b"\x89\x80\0\0\0\0")
+        await reader.readuntil(b"\r\n\r\n")
+        assert await ended(reader)
+        writer.close()
 
     serving(scenario)
 

@@ -52,8 +52,7 @@ class Client:
                 self._transport.abort()
 
     def is_flooding(self, now_s: float) -> bool:
-        """Count a message; return whether the client sends more than `MOST_PER_S`."""
-        self.heard_s = now_s
+        """Count a message, ping or pong; return whether the client sends more than `MOST_PER_S`."""
         if int(now_s) != self._second:
             self._second, self._in_second = int(now_s), 0
         self._in_second += 1

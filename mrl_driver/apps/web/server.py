@@ -35,6 +35,7 @@ except ImportError as missing:
         f"pip install 'mrl-driver[web]', or without a virtual environment: sudo apt install python3-{missing.name}"
     ) from None
 
+_DATA = (WSMsgType.TEXT, WSMsgType.BINARY)
 PAGE = pathlib.Path(__file__).resolve().parent / "page"
 MOST_CLIENTS, MOST_CONNECTIONS = 16, 100
 FOR_DRIVING = 4  # places of `MOST_CLIENTS` that are kept for pages that may drive
@@ -55,6 +56,7 @@ RECORDINGS_S = 2.0  # sizes of recordings are read this often while one is writt
 HELM, VIEW, SAMPLE, CELLS, RECORDING = "helm", "view", "sample", "cells", "recording"
 _ORDERS = {"take": Helm.take, "yield": Helm.yield_, "stop": Helm.stop}
 """What the helm does for a message that has only a type."""
+_FLOODS = "the page sends too many messages"
 _WATCHES_ONLY = "a watch-only link cannot record or download; use the link for driving"
 _REFUSED_LINK = "this link is not valid; open the whole link that mrl web or web_node printed last"
 
@@ -227,6 +229,9 @@ class Server:
         error = context.get("exception")
         if {"transport", "protocol", "socket"} & context.keys() or isinstance(error, ConnectionError):
             return  # a client has gone, and its connection is closed
+        part = getattr(getattr(context.get("handle"), "_callback", None), "__self__", None)
+        if isinstance(part, (asyncio.BaseTransport, asyncio.BaseProtocol)):
+            return  # the same, of which asyncio names only the callback
         self._fail(error or RuntimeError(context.get("message", "the event loop has failed")))
 
     def _fail(self, error: BaseException) -> None:
@@ -436,11 +441,12 @@ class Server:
 
     def _take_message(self, client: Client, data: Any) -> None:
         """Handle one message of a client."""
-        floods = client.is_flooding(time.monotonic())
+        client.heard_s = time.monotonic()
+        floods = client.is_flooding(client.heard_s)
         try:
             message = messages.parse(data)
             if floods and message.kind != "stop":
-                client.end("the page sends too many messages")
+                client.end(_FLOODS)
                 return
         except messages.Malformed as error:
             self._helm.malformed()
@@ -595,7 +601,11 @@ class Server:
 
     async def _on_socket(self, request: web.Request) -> web.StreamResponse:
         link = web.WebSocketResponse(
-            timeout=CLOSE_S, heartbeat=HEARTBEAT_S, compress=False, max_msg_size=messages.MOST_BYTES + 1
+            timeout=CLOSE_S,
+            autoping=False,  # those of strangers are not answered, and others are counted
+            heartbeat=HEARTBEAT_S,
+            compress=False,
+            max_msg_size=messages.MOST_BYTES + 1,
         )
         try:
             await link.prepare(request)
@@ -606,14 +616,20 @@ class Server:
             return link  # its page has gone already
         client = None if self._ending else await self._greet(link)
         if client is None:
-            await link.close()
+            transport.abort()  # whatever a stranger goes on sending is not read
             return link
         self._admitted.add(transport.get_extra_info("peername"))
         self._spawn(client.pump(link.send_str, transport, link.close))
         try:
             async for message in link:
-                if message.type in (WSMsgType.TEXT, WSMsgType.BINARY) and not client.last:
+                if client.last:
+                    continue
+                if message.type in _DATA:
                     self._take_message(client, message.data)
+                elif client.is_flooding(time.monotonic()):
+                    client.end(_FLOODS)
+                elif message.type is WSMsgType.PING:
+                    await link.pong(message.data)
         finally:
             client.end("")
             self._leave(client)
@@ -624,7 +640,7 @@ class Server:
         again = True
         try:
             first = await asyncio.wait_for(link.receive(), messages.HELLO_S)
-            if first.type not in (WSMsgType.TEXT, WSMsgType.BINARY):
+            if first.type not in _DATA:
                 return None
             return self._join(first.data)
         except asyncio.TimeoutError:
@@ -635,6 +651,7 @@ class Server:
             why, again = str(error), False
         with contextlib.suppress(ConnectionError):
             await link.send_str(messages.closed(clock_s(), why, again))
+            await link.close()
         return None
 
     # -- event stream with POST
