@@ -14,7 +14,7 @@ import secrets
 import socket
 import stat
 import struct
-from typing import Iterator, List, NamedTuple
+from typing import Iterator, List, NamedTuple, Optional
 
 from mrl_driver import folders
 from mrl_driver.errors import ConfigError
@@ -55,15 +55,40 @@ def tokens(renew: bool = False) -> Tokens:
     Two programs that start at once get the same tokens.  ConfigError if the file cannot be written, is damaged, or
     other users can read it.
     """
-    path = os.path.join(folder(), "tokens.json")
+    path = _path()
     with lock():
         if renew or not os.path.exists(path):
             made = Tokens(secrets.token_hex(TOKEN_BYTES), secrets.token_hex(TOKEN_BYTES))
             replace_file(path, json.dumps(made._asdict()) + "\n", private=True)
-        return _parse(path, read(path, NEW))
+        return _stored()
 
 
-def _parse(path: str, data: bytes) -> Tokens:
+class TokenWatch:
+    """Notices that another program has made new tokens."""
+
+    def __init__(self, known: Tokens) -> None:
+        self._known = known
+
+    def look(self) -> Optional[Tokens]:
+        """Return the stored tokens if they are others than before; None if they are not.
+
+        Tokens that cannot be read count as unchanged: their pages need their STOP also when the disk fails.
+        """
+        with contextlib.suppress(ConfigError):
+            found = _stored()
+            if found != self._known:
+                self._known = found
+                return found
+        return None
+
+
+def _path() -> str:
+    return os.path.join(folder(), "tokens.json")
+
+
+def _stored() -> Tokens:
+    path = _path()
+    data = read(path, NEW)
     try:
         found = Tokens(**json.loads(data))
         for token in found:

@@ -80,6 +80,19 @@ def test_damaged_tokens_are_refused_with_what_to_do(text):
     assert access.tokens(renew=True) == access.tokens()
 
 
+def test_new_tokens_of_another_program_are_noticed_once():
+    watch = access.TokenWatch(access.tokens())
+    assert watch.look() is None
+    new = access.tokens(renew=True)
+    assert (watch.look(), watch.look()) == (new, None)
+
+
+def test_tokens_that_cannot_be_read_are_no_new_ones():
+    watch = access.TokenWatch(access.tokens())
+    stored("tokens.json").unlink()
+    assert watch.look() is None
+
+
 @pytest.mark.parametrize("use", [access.tokens, certificate.context])
 def test_a_file_that_others_could_read_is_refused(use):
     use()

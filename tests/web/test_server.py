@@ -464,6 +464,28 @@ def test_a_wrong_token_is_refused_with_the_reason(token):
     serving(scenario, GUARDED)
 
 
+@pytest.mark.parametrize("way", ["page", "posting_page"])
+def test_new_tokens_end_the_pages_of_old_links(way, monkeypatch):
+    monkeypatch.setattr("mrl_driver.apps.web.server.TOKENS_S", 0.0)
+    new, stored = Tokens("1" * 32, "2" * 32), [None]
+
+    async def scenario(site):
+        async with getattr(site, way)(TOKENS.drive) as page:
+            await page.next("welcome")
+            stored[0] = new
+            assert "made new" in (await page.next("closed"))["why"]
+        async with site.page(TOKENS.drive) as page:
+            assert "not valid" in (await page.next("closed"))["why"]
+        async with site.page(new.watch) as page:
+            assert (await page.next("welcome"))["role"] == "watch"
+
+    def renewed():
+        found, stored[0] = stored[0], None
+        return found
+
+    serving(scenario, GUARDED._replace(renewed=renewed))
+
+
 def test_a_session_serves_nobody_without_its_token():
     async def scenario(site):
         async with site.posting_page(TOKENS.drive) as page:

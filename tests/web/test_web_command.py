@@ -9,6 +9,7 @@ import subprocess
 import sys
 from urllib.parse import urlsplit
 
+from mrl_driver.host import access
 from sim_arduino.testing import EmulatedBoard
 from tests.cli.conftest import _alone  # noqa: F401
 from tests.cli.run import fails, mrl
@@ -64,6 +65,19 @@ def test_an_address_in_use_is_refused_before_the_robot_is_touched():
         assert f"{address} is in use" in fails(5, "web", "--port", ANYWHERE, "--listen", address)
 
 
+def test_new_tokens_are_not_made_if_the_address_is_in_use():
+    before = access.tokens()
+    with socket.create_server(("0.0.0.0", 0)) as other:
+        address = f"0.0.0.0:{other.getsockname()[1]}"
+        assert "in use" in fails(5, "web", "--port", ANYWHERE, "--listen", address, "--new-tokens")
+    assert access.tokens() == before
+
+
+def test_a_link_with_a_token_goes_into_no_list_of_processes():
+    said = fails(2, "web", "--port", ANYWHERE, "--listen", "0.0.0.0", "--browser")
+    assert "open the link that is printed" in said
+
+
 def test_a_port_that_cannot_be_opened_yet_is_waited_for():
     done = mrl("web", "--port", "/dev/nowhere", "--listen", "127.0.0.1:0", "--port-timeout", "0.1")
     first, last = done.stderr.splitlines()
@@ -81,3 +95,11 @@ def test_a_page_beyond_this_computer_has_a_link_to_drive_and_one_to_watch():
     drive, *others = listening.lines_for(settings, 99, picture=True)
     assert settings.context is not None and drive.endswith(f":99/#drive={settings.tokens.drive}")
     assert len(others) > 10, "a QR code"
+
+
+def test_new_tokens_count_for_a_server_that_runs():
+    from mrl_driver.apps.web import listening
+
+    settings = listening.settings_for("0.0.0.0:0")
+    assert settings.renewed() is None
+    assert access.tokens(renew=True) == settings.renewed()

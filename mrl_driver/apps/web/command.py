@@ -20,6 +20,8 @@ from mrl_driver.cli.commands.shared import (
     robot_options,
     warn,
 )
+from mrl_driver.errors import ConfigError
+from mrl_driver.host.access import is_loopback
 from mrl_driver.host.named_robots import Target
 
 if TYPE_CHECKING:
@@ -39,7 +41,9 @@ COMMAND_TIMEOUT_S = 0.2
     help="Address of this computer; 0.0.0.0 for all of them. Beyond this computer, the page needs a link with a token.",
 )
 @click.option(
-    "--new-tokens", is_flag=True, help="Make other tokens; the links of before are no longer valid."
+    "--new-tokens",
+    is_flag=True,
+    help="Make other tokens: the links of before end, also those of servers that run.",
 )
 @click.option(
     "--recordings",
@@ -47,7 +51,7 @@ COMMAND_TIMEOUT_S = 0.2
     type=click.Path(file_okay=False),
     help="Folder for recordings that are made on the page  [default: ~/.local/share/mrl-driver/recordings]",
 )
-@click.option("--browser", is_flag=True, help="Open the page in this computer's browser.")
+@click.option("--browser", is_flag=True, help="Open the page in this computer's browser; without --listen.")
 @port_timeout_option
 @battery_option
 @fast_option
@@ -69,23 +73,29 @@ def web(
       mrl web --robot lab3 --listen 0.0.0.0 --new-tokens
     """
     from mrl_driver.apps.web.driver_robot import DriverRobot
-    from mrl_driver.apps.web.listening import lines_for, listening_socket, settings_for
+    from mrl_driver.apps.web.listening import address, lines_for, listening_socket, settings_for
     from mrl_driver.apps.web.server import serve
     from mrl_driver.driver.options import QUEUED_S
     from mrl_driver.view.shown_state import state_of
 
     ends = click.get_current_context().find_object(str) or "Ctrl-C"  # `mrl demo` has a key for it
-    settings = settings_for(listen, new_tokens, print_message)
+    host, port = address(listen)
+    if browser and not is_loopback(host):
+        raise ConfigError(
+            f"--browser is given with --listen {listen}, expected one of them: other users of this computer could read "
+            "the link in the list of its processes; open the link that is printed"
+        )
     folder = recordings or os.path.join(folders.data(), "recordings")
     options.update(reconnect=True, command_timeout_s=COMMAND_TIMEOUT_S, queued_s=QUEUED_S)
-    with listening_socket(settings.host, settings.port) as ear, connected(
-        target, **options
-    ) as driver, contextlib.ExitStack() as signals:
+    with contextlib.ExitStack() as stack:
+        ear = stack.enter_context(listening_socket(host, port))
+        settings = settings_for(listen, new_tokens, print_message)  # new tokens once the address is ours
+        driver = stack.enter_context(connected(target, **options))
         warn(driver)
         report_losses(driver)
 
         def begun(server: "Server") -> None:
-            signals.enter_context(_ended_by_signals(server))
+            stack.enter_context(_ended_by_signals(server))
             lines = lines_for(settings, server.port, picture=full_screen())
             if browser:
                 click.launch(lines[0].split()[-1])

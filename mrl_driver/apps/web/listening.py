@@ -26,6 +26,7 @@ class Settings(NamedTuple):
     tokens: Optional[access.Tokens] = None  # None: everybody that reaches the address may drive
     context: Optional[ssl.SSLContext] = None  # certificate and key for TLS; None without
     names: Sequence[str] = ()  # what this computer is called besides localhost and its numeric addresses
+    renewed: Callable[[], Optional[access.Tokens]] = lambda: None  # returns other tokens once they are stored
 
     def role(self, token: str) -> str:
         """Return what a token permits: `drive`, `watch`, or nothing (empty)."""
@@ -40,7 +41,7 @@ def settings_for(
     `new_tokens` makes other tokens, so that the links of before are no longer valid.  `tell` gets a line if the
     certificate had to be made again.  ConfigError if the address is wrong, or certificate or tokens cannot be stored.
     """
-    host, port = _parse(listen)
+    host, port = address(listen)
     if access.is_loopback(host):
         if new_tokens:
             raise ConfigError(
@@ -50,10 +51,12 @@ def settings_for(
     reachable = access.reachable(host)
     names = [*access.own_names(), *reachable]  # the links are to these, and they may be names
     context = certificate.context(names, tell)
-    return Settings(host, port, access.tokens(new_tokens), context, names)
+    tokens = access.tokens(new_tokens)
+    return Settings(host, port, tokens, context, names, access.TokenWatch(tokens).look)
 
 
-def _parse(listen: str) -> Tuple[str, int]:
+def address(listen: str) -> Tuple[str, int]:
+    """Return host and port of ADDRESS or ADDRESS:PORT; ConfigError if it is wrong."""
     with contextlib.suppress(ValueError):
         parts = urlsplit(f"//{listen.strip()}")
         if parts.hostname and parts.netloc == listen.strip() and "@" not in listen:

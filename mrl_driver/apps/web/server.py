@@ -52,6 +52,7 @@ CLOSE_S = 0.5  # at the end, clients have this time to take their last message [
 LOG_S = 1.0  # least time between two lines of the log about requests that failed [s]
 MOST_QUOTED = 300  # characters of an error that may quote a request
 MOST_POSES = 1000  # poses of the path that a client gets when it joins
+TOKENS_S = 1.0  # new tokens count within this time [s]
 RECORDINGS_S = 2.0  # sizes of recordings are read this often while one is written [s]
 HELM, VIEW, SAMPLE, CELLS, RECORDING = "helm", "view", "sample", "cells", "recording"
 _ORDERS = {"take": Helm.take, "yield": Helm.yield_, "stop": Helm.stop}
@@ -111,7 +112,7 @@ class Server:
         self._occupancy: Optional[FloorMap] = None
         self._cells: List[Any] = []
         self._view: Dict[str, Any] = {}
-        self._sample_s = self._viewed_s = self._told_s = self._cells_s = self._listed_s = 0.0
+        self._sample_s = self._viewed_s = self._told_s = self._cells_s = self._listed_s = self._tokens_s = 0.0
         self._recordings: List[Recorded] = []
         self._recording_s: Optional[float] = None
         self._recording_loss = ""
@@ -299,6 +300,9 @@ class Server:
         if self._clients and now_s >= self._viewed_s + VIEW_S - BEAT_S / 2:
             self._viewed_s = now_s
             self._send_view(now_s)
+        if now_s >= self._tokens_s + TOKENS_S:
+            self._tokens_s = math.inf  # until it is done
+            self._spawn(self._renew_tokens())
         if self._recording_s is not None and now_s >= self._listed_s + RECORDINGS_S:
             self._listed_s = now_s
             self._spawn(self._list_recordings())
@@ -486,6 +490,15 @@ class Server:
             self._robot.phone(value)
         elif kind == "hello":
             self._refuse(number, "hello was sent twice, expected it once, as the first message")
+
+    async def _renew_tokens(self) -> None:
+        """End all pages if another program has made new tokens; those with a new link may come again."""
+        tokens = await self._loop.run_in_executor(self._files, self._settings.renewed)
+        self._tokens_s = time.monotonic()
+        if tokens is not None:
+            self._settings = self._settings._replace(tokens=tokens)
+            for client in self._clients.values():
+                client.end("the links were made new")
 
     # -- recordings: files are opened on a thread of their own
 
