@@ -4,6 +4,7 @@ The page drives as an operator does: its commands carry the time of the input, a
 nobody drives, the node publishes nothing on `cmd_vel`.
 """
 
+import contextlib
 import sys
 import threading
 import time
@@ -27,14 +28,14 @@ from ros1_bridge.topics.topic_robot import TopicRobot
 
 from . import phone_imu
 from .bag_recording import BagRecording, Unsubscribe
-from .emergency_stop import EmergencyStop
+from .emergency_stop import RELEASE, STOP, EmergencyStop
 from .topic_page_robot import TopicPageRobot
 
 ROBOT = "robot_node"  # name of the robot's node, in the namespace of this one
 STOPS_S = 0.2  # the robot's node must stop the robot this long after the last command of the page [s]
 MAX_DELAY_S = 0.25
 """Default of `~max_delay`: the page's part of it is at most 0.15 s, or the server drops the command [s]."""
-LOOK_S = 2.0  # time between two looks at the parameter that says so [s]
+LOOK_S = 2.0  # time between two looks at the parameter that says so, and at the services of the stop [s]
 NOT_RECORDED = ("/rosout", "/rosout_agg")
 USUAL = "~/.local/share/mrl-driver/recordings"  # where `mrl web` has its recordings, too
 _LISTEN = "Address of the page, HOST or HOST:PORT; beyond this computer with TLS and tokens"
@@ -74,6 +75,44 @@ class PageCommands:
         self._out.halt()
 
 
+class NodeServices:
+    """Calls services of the robot's node.  A ROS master that has gone does not keep a stop from it."""
+
+    def __init__(self) -> None:
+        self._addresses: Dict[str, str] = {}
+
+    def look(self, *services: str) -> None:
+        """Ask the master where these services are, for the time when it is gone."""
+        for service in services:
+            with contextlib.suppress(
+                Exception
+            ):  # a master that ends in its answer makes rospy raise whatever it does
+                name = rospy.resolve_name(service)
+                self._addresses[service] = rosgraph.Master(rospy.get_name()).lookupService(name)
+
+    def __call__(self, service: str) -> Tuple[bool, str]:
+        """Call a service where it was last; if that fails, where the master says that it is now."""
+        why = ""
+        for address in dict.fromkeys((self._addresses.get(service, ""), "")):
+            try:
+                answer = _Proxy(service, address)()
+                return answer.success, answer.message
+            except (rospy.ServiceException, rospy.ROSException, OSError) as error:
+                why = str(error)
+        return False, why
+
+
+class _Proxy(rospy.ServiceProxy):
+    """A service at an address; if that is empty, the master is asked for it."""
+
+    def __init__(self, service: str, address: str) -> None:
+        super().__init__(service, Trigger)
+        self._address = address
+
+    def _get_service_uri(self, request: Any) -> Any:
+        return self._address or super()._get_service_uri(request)
+
+
 class WebNode:
     """Serves the page of the robot in this namespace."""
 
@@ -90,7 +129,8 @@ class WebNode:
             self._robot.model.require_odometry()
         folder = Path(given["recordings"] or USUAL).expanduser()
         recording = BagRecording(folder, subscribe, self._recorded, rospy.Time.now)
-        emergency = EmergencyStop(call)
+        self._services = NodeServices()
+        emergency = EmergencyStop(self._services)
         self._page = TopicPageRobot(
             self._robot, self._commands, emergency, recording, self._on_phone, lambda: self._slow
         )
@@ -137,10 +177,14 @@ class WebNode:
         return found | {rospy.resolve_name(name) for name in self._topics}
 
     def _look(self) -> None:
-        """Say, here and on the page, if the robot would drive on for too long when this node or its computer fails."""
+        """Look where the services of the stop are.
+
+        Say, here and on the page, if the robot would drive on for too long when this node or its computer fails.
+        """
         row = next(row for row in ROBOT_ROWS if row.name == "cmd_vel_timeout")
         name = f"{self._node}/{row.name}"
         while not rospy.is_shutdown():
+            self._services.look(STOP, RELEASE)
             if self._robot.age_s < LOOK_S:
                 try:
                     stops_s = rospy.get_param(name, row.default)
@@ -167,15 +211,6 @@ def subscribe(topic: str, take: Callable[[Any], None]) -> Unsubscribe:
     """Call `take` with each message of a topic, whatever its type; returns how to end that."""
     end: Unsubscribe = rospy.Subscriber(topic, rospy.AnyMsg, take, tcp_nodelay=True).unregister
     return end
-
-
-def call(service: str) -> Tuple[bool, str]:
-    """Call a service of the robot's node."""
-    try:
-        answer = rospy.ServiceProxy(service, Trigger)()
-    except (rospy.ServiceException, rospy.ROSException, OSError) as error:
-        return False, str(error)
-    return answer.success, answer.message
 
 
 main = node("web_node", PARAMETERS, lambda given: WebNode(given).run())

@@ -4,23 +4,30 @@ import contextlib
 import json
 import re
 import signal
+import socket
 import sys
 import time
+from types import SimpleNamespace
+from unittest import mock
+from urllib.parse import urlsplit
 
 import pytest
+import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-from ros1_bridge.web.web_node import too_slow
+from ros1_bridge.web.web_node import NodeServices, too_slow
 from tests.waiting import wait_until
+from tests.web.stalling_proxy import StallingProxy
 
 from .page_client import PageClient
 from .rig import ROOT
 from .tables import Offered
 
 COMMAND = re.compile(rb"@11,(-?\d+),|@13[,e]")  # A motion command with its speed [mm/s], or a stop
+LOOK_PIECES = 14  # With so many pieces, the node has asked the master for both services since they are there
 WEB_NODE = str(ROOT / "ros1_bridge" / "nodes" / "web_node")
 
 
@@ -33,7 +40,9 @@ def robot(module_rig, tmp_path_factory):
     rig.process = rig.node(rig.wire.port, "_cmd_vel_timeout:=0.5")
     rig.folder = tmp_path_factory.mktemp("bags")
     given = "_listen:=127.0.0.1:0", "_robot:=traxbot", f"_recordings:={rig.folder}"
-    rig.web = rig.start("web_node", sys.executable, WEB_NODE, f"__ns:={rig.ns}", *given)
+    rig.master = StallingProxy(urlsplit(rig.env["ROS_MASTER_URI"]).port)
+    with mock.patch.dict(rig.env, ROS_MASTER_URI=f"http://127.0.0.1:{rig.master.port}"):
+        rig.web = rig.start("web_node", sys.executable, WEB_NODE, f"__ns:={rig.ns}", *given)
     rig.status = rig.topic("status", DiagnosticStatus)
     rig.imu = rig.topic("phone/imu", Imu)
     found = wait_until(
@@ -45,6 +54,7 @@ def robot(module_rig, tmp_path_factory):
     rig.page.wait(lambda: rig.page.last.get("helm", {}).get("driver") == rig.page.last["welcome"]["you"])
     yield rig
     rig.page.close()
+    rig.master.close()
 
 
 def speeds(robot, since_s=0.0):
@@ -129,6 +139,31 @@ def test_the_stop_of_the_page_is_that_of_the_robots_node(robot, by_service):
     robot.page.wait(lambda: robot.page.last["helm"]["latched"])
     release(robot)
     wait_until(lambda: "emergency stop" not in robot.status.messages[-1].message)
+
+
+def test_the_stop_needs_no_master(robot):
+    asked = len(robot.master.sent)
+    wait_until(lambda: len(robot.master.sent) > asked + LOOK_PIECES)
+    port, robot.master.target = robot.master.target, 1  # where nothing listens
+    robot.master.cut()
+    try:
+        robot.page.say("stop")
+        wait_until(lambda: "emergency stop" in robot.status.messages[-1].message)
+        release(robot)
+        wait_until(lambda: "emergency stop" not in robot.status.messages[-1].message)
+    finally:
+        robot.master.target = port
+
+
+def test_the_stop_finds_a_robots_node_that_has_started_again(robot, monkeypatch):
+    services, stop = NodeServices(), f"{robot.ns}/stop"
+    with monkeypatch.context() as before, socket.create_server(("127.0.0.1", 0)) as old:
+        address = f"rosrpc://127.0.0.1:{old.getsockname()[1]}"
+        before.setattr(rosgraph, "Master", lambda _: SimpleNamespace(lookupService=lambda _: address))
+        services.look(stop)
+    done, _ = services(stop)
+    assert done
+    assert rospy.ServiceProxy(f"{robot.ns}/release_stop", Trigger)().success
 
 
 def test_a_late_robots_node_is_warned_of_on_the_page_and_in_the_log(robot):
