@@ -96,6 +96,12 @@ class Parameters:
         (0, FASTEST_MANUAL_M_S),
         "m/s",
     )
+    emergency_stop: bool = parameter(
+        False, "The emergency stop is latched at the start; the services stop and release_stop set it"
+    )
+    motors_enabled: bool = parameter(
+        True, "The motors follow commands from the start; the service enable_motors sets it"
+    )
     clear_range: float = parameter(
         0.0,
         "Sonars report at most this distance, as max_range; 0: +Inf if they see nothing",

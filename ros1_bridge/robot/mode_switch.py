@@ -1,4 +1,7 @@
-"""Changes the operation mode of a robot, and announces it: to the multiplexer, and for a respawn of the node."""
+"""Changes the operation mode of a robot, and announces it: to the multiplexer, and for a respawn of the node.
+
+A respawn also needs the emergency stop and the disabled motors.
+"""
 
 import contextlib
 from typing import Any, Callable
@@ -28,20 +31,34 @@ class ModeSwitch:
             changes = commander.set_manual(manual)
         except MrlError as error:
             trouble = f", but the robot cannot be reached: {error}"
-        self._announce(self._mode_out.publish)
+        announce(lambda: commander.manual, self._mode_out.publish)
         with contextlib.suppress(OSError, self._ros.ROSException):  # without a master there is no respawn
-            self._announce(lambda now: self._ros.set_param("~operation_mode", MANUAL if now else AUTOMATIC))
+            announce(
+                lambda: commander.manual,
+                lambda now: self._ros.set_param("~operation_mode", MANUAL if now else AUTOMATIC),
+            )
         limits = commander.in_force
         speeds = f"at most {limits.linear_m_s:.3g} m/s and {limits.angular_rad_s:.3g} rad/s"
         goals = "; goals are cancelled" if changes else ""
         return not trouble, f"{MANUAL if manual else AUTOMATIC} mode: {speeds}{goals}{trouble}"
 
-    def _announce(self, tell: Callable[[bool], Any]) -> None:
-        """Call `tell` with the present mode, again if another thread has changed it meanwhile: the last word is true.
 
-        A lock would let a change wait for another one's call of the master.
-        """
-        told = None
-        while told != self._commander.manual:
-            told = self._commander.manual
-            tell(told)
+def keep_stops(commander: Commander, ros: Any) -> None:
+    """Store for a respawn whether the emergency stop is latched and the motors are enabled.
+
+    A master that hangs delays this, so no answer of a stop may wait for it.
+    """
+    with contextlib.suppress(OSError, ros.ROSException):  # without a master there is no respawn
+        announce(lambda: commander.latched, lambda now: ros.set_param("~emergency_stop", now))
+        announce(lambda: commander.enabled, lambda now: ros.set_param("~motors_enabled", now))
+
+
+def announce(present: Callable[[], bool], tell: Callable[[bool], Any]) -> None:
+    """Call `tell` with the present value, again if another thread has changed it meanwhile: the last word is true.
+
+    A lock would let a change wait for another one's call of the master.
+    """
+    told = None
+    while told != present():
+        told = present()
+        tell(told)

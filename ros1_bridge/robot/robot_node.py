@@ -49,7 +49,7 @@ from ros1_bridge.topics.typed_messages import REBUILD, is_other_version
 
 from .command_topics import CommandTopics, Connected, nodes_on
 from .goal_cancel import GoalCancel
-from .mode_switch import ModeSwitch
+from .mode_switch import ModeSwitch, keep_stops
 from .reconfigure import Reconfigure
 from .services import Answer, Services
 from .servo_topics import subscribe_servos
@@ -154,6 +154,12 @@ class RobotNode:
         if parameters.has("commands"):
             self._goals = GoalCancel(rospy)
             commander.cancel_goals = self._goals.cancel
+            if parameters.emergency_stop:
+                with contextlib.suppress(MrlError):  # it is latched, although the robot cannot be reached
+                    commander.latch()
+            if not parameters.motors_enabled:
+                with contextlib.suppress(MrlError):
+                    commander.enable(False)
         services = self._offer_services()
         self._status.tell()
         published, subscribed = self._connected_before()
@@ -203,12 +209,12 @@ class RobotNode:
             triggers["reset_odometry"] = services.reset_odometry
             rospy.Subscriber("set_pose", PoseWithCovarianceStamped, self._on_set_pose, queue_size=1)
         if parameters.has("commands"):
-            triggers.update(stop=services.stop, release_stop=services.release_stop)
+            triggers.update(stop=self._kept(services.stop), release_stop=self._kept(services.release_stop))
             if HOLD in self._driver.board.capabilities:
                 triggers["release_hold"] = services.release_hold
             if parameters.allow_calibration:
                 triggers["calibrate"] = services.calibrate
-            switches["enable_motors"] = services.enable_motors
+            switches["enable_motors"] = self._kept(services.enable_motors)
             switches["manual_mode"] = ModeSwitch(self._commander, rospy).set
 
         def told(answer: Answer) -> Answer:
@@ -220,6 +226,16 @@ class RobotNode:
         for name, switch in switches.items():
             rospy.Service(name, SetBool, lambda on, act=switch: SetBoolResponse(*told(act(on.data))))
         return services
+
+    def _kept(self, act: Callable[..., Answer]) -> Callable[..., Answer]:
+        """Return `act`, after which a respawn knows the stops; its answer does not wait for the master."""
+
+        def call(*on: bool) -> Answer:
+            answer = act(*on)
+            later(0.0, keep_stops, self._commander, rospy)
+            return answer
+
+        return call
 
     def _end_node(self) -> Answer:
         """Stop now; the node closes the port and ends after the answer has left."""

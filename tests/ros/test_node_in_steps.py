@@ -538,6 +538,47 @@ def test_limits_and_mode_begin_with_the_parameters(node, given, manual, limits, 
     assert {each.name: each.value for each in described.max.doubles} == dict(zip(LOWER, model))
 
 
+STOPS = pytest.mark.parametrize(
+    "stop, release, name, stopped",
+    [
+        (("stop",), ("release_stop",), "emergency_stop", True),
+        (("enable_motors", False), ("enable_motors", True), "motors_enabled", False),
+    ],
+)
+
+
+@STOPS
+def test_a_stop_is_kept_for_a_respawn_until_its_release(node, stop, release, name, stopped):
+    def script():
+        for service, value in ((stop, stopped), (release, not stopped)):
+            node.call(*service)
+            yield
+            assert node.ros.parameters[f"~{name}"] is value
+
+    node.run(script)
+
+
+@STOPS
+def test_a_node_that_was_stopped_before_its_start_moves_after_the_release(node, stop, release, name, stopped):
+    def script():
+        node.publish("cmd_vel", twist(0.1))
+        assert node.driver.command is None
+        assert node.call(*release).success
+        node.publish("cmd_vel", twist(0.1), node="/other")
+        assert node.driver.command
+
+    node.run(script, given={name: stopped})
+
+
+def test_a_shutdown_is_no_stop_for_the_next_start(node):
+    def script():
+        node.call("shutdown")
+        yield
+
+    node.run(script)
+    assert "~emergency_stop" not in node.ros.parameters
+
+
 def test_limits_of_an_earlier_run_do_not_count(node):
     node.ros.parameters["~limits/max_linear_speed"] = node.ros.parameters["~sonars/clear_range"] = 0.02
 
