@@ -141,6 +141,15 @@ def test_the_stop_of_the_page_is_that_of_the_robots_node(robot, by_service):
     wait_until(lambda: "emergency stop" not in robot.status.messages[-1].message)
 
 
+def test_the_page_says_that_another_program_has_released_its_stop(robot):
+    robot.page.say("stop")
+    wait_until(lambda: "emergency stop" in robot.status.messages[-1].message)
+    assert rospy.ServiceProxy(f"{robot.ns}/release_stop", Trigger)().success
+    robot.page.wait(lambda: robot.page.last["helm"]["released_by_other"])
+    release(robot)
+    assert not robot.page.last["helm"]["released_by_other"]
+
+
 def test_the_stop_needs_no_master(robot):
     asked = len(robot.master.sent)
     wait_until(lambda: len(robot.master.sent) > asked + LOOK_PIECES)

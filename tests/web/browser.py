@@ -83,6 +83,11 @@ window.fetch = (url, options) => {
 """
 )
 """The first STOP that the page sends by POST is lost, and its event stream goes on."""
+RELEASED = """
+const read = JSON.parse;
+JSON.parse = (text) => ({...read(text), latched: true, released_by_other: true});
+"""
+"""The server says that another program has released a page's emergency stop."""
 _WAIT = """
 const done = arguments[arguments.length - 1], holds = () => %s;
 if (holds()) done(); else {

@@ -404,6 +404,29 @@ def test_a_stop_of_ours_is_not_ended_by_the_robot(driving):
     assert bench.helm.state().latched and not bench.presses_again(one)
 
 
+def test_a_stop_of_ours_that_another_program_releases_is_shown(driving):
+    bench, *_ = driving
+    bench.helm.stop(2, bench.now_s)
+    shown = [bench.helm.state().released_by_other]
+    for latched in (True, False, True, False):
+        bench.helm.robot_latched(latched, bench.now_s)
+        shown.append(bench.helm.state().released_by_other)
+    assert shown == [False, False, True, False, True]
+    bench.helm.stop(2, bench.now_s)
+    assert not bench.helm.state().released_by_other
+
+
+def test_a_release_of_ours_is_not_that_of_another_program(driving):
+    bench, one, _ = driving
+    bench.helm.stop(1, bench.now_s)
+    bench.helm.robot_latched(True, bench.now_s)
+    bench.later()
+    bench.rest(one)
+    bench.helm.release(1, bench.now_s, bench.now_s)
+    bench.helm.robot_latched(False, bench.now_s)
+    assert not bench.helm.state().released_by_other
+
+
 def test_what_echoes_the_future_is_no_release(driving):
     """A page that is wrong, or lies, gains nothing for later stops."""
     bench, one, _ = driving

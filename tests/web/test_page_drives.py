@@ -6,7 +6,7 @@ from mrl_driver.recording.recording import Recording
 from tests.driver.emulator import MOVE, STOP
 from tests.waiting import wait_until
 
-from .browser import DESK, LOST_STOP, NO_PLACE, NO_WEBSOCKET, PAD, PHONE
+from .browser import DESK, LOST_STOP, NO_PLACE, NO_WEBSOCKET, PAD, PHONE, RELEASED
 from .robot_page import RobotPage
 
 pytestmark = pytest.mark.realtime  # the page's limits for late commands are the wall clock's
@@ -186,6 +186,11 @@ def test_a_stop_that_is_lost_alone_is_sent_again(visit):
     page.wait(latched="yes")
     assert page.tab.run("return window.lost")
     page.take()
+
+
+def test_a_stop_that_another_program_has_released_is_not_shown_as_one(visit):
+    page = visit(DESK, RELEASED).arrive()
+    page.tab.wait("document.getElementById('state').innerText.includes('the robot may move')")
 
 
 def test_values_from_before_the_link_was_lost_are_not_shown(visit, shared):

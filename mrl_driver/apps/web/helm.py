@@ -128,6 +128,9 @@ class HelmState:
     latched: bool = False
     latched_by: Optional[int] = None  # the client that set the emergency stop; None: none of ours
     latched_by_other: str = ""  # name of another source of the emergency stop; empty: there is none
+    released_by_other: bool = (
+        False  # the robot had our emergency stop and follows commands again: not by `release`
+    )
     spent: Dict[int, int] = field(default_factory=dict)  # the newest press of each client that is over
     why: Why = GOING  # why the robot was stopped last; `none` while a press is in force
     late: int = 0  # commands that were dropped because they were too old, or their age was not known
@@ -348,6 +351,7 @@ class Helm:
         """Anybody asks for the emergency stop.  It is never refused, and never too old."""
         acts = self.tick(now_s)
         self._latched, self._state.latched_by, self._latched_s = True, client, now_s
+        self._state.released_by_other = False
         self._end_press(why_of(StopReason.EMERGENCY_STOP), now_s)
         return [*acts, Latch(), Tell()]
 
@@ -366,17 +370,19 @@ class Helm:
         if not self._is_latched:
             return [*acts, Tell()]
         self._latched, self._state.latched_by, self._since_s, self._state.why = False, None, now_s, GOING
+        self._state.released_by_other = False
         return [*acts, Unlatch(), Tell()]
 
     def robot_latched(self, latched: bool, now_s: float) -> List[Act]:
         """The robot reports that a latched stop is in force, or that it has ended.
 
-        One of our own ends with `release` alone.
+        One of our own ends with `release` alone, but the state says if the robot no longer has it.
         """
         acts = self.tick(now_s)
         if latched == self._robot_latched:
             return acts
         self._robot_latched = latched
+        self._state.released_by_other = self._latched and not latched
         if latched and not self._latched:
             self._latched_s = now_s
         if self._state.driving:

@@ -60,6 +60,9 @@ export class Helm {
     return this.isMine ? ". Release it to drive on" : ". Take the helm, then release it";
   }
 
+  /** Another program has released the emergency stop of a page: a sentence. */
+  released = "Another program has released the emergency stop: the robot may move";
+
   welcome(message) {
     this.#you = message.you;
     this.#role = message.role;
@@ -118,6 +121,7 @@ export class Helm {
     const { latched, wants } = this.state;
     if (latched) this.#stopWaits = false;
     if (latched && !before.latched) alarm(`Emergency stop${this.stoppedBy}.`);
+    if (this.state.released_by_other && !before.released_by_other) alarm(`${this.released}.`);
     if (!latched && before.latched) notice("The emergency stop is released.");
     if (message.driver !== before.driver && this.#you !== null) {
       const next = message.driver ?? wants ?? before.wants;

@@ -53,6 +53,7 @@ let hasDriven = false;
 /** The state in words, and its mark; the most important one counts. */
 function stateNow() {
   if (!connection.isOpen) return [connection.words, connection.state === "connecting" ? "" : "bad"];
+  if (helm.state.released_by_other) return [`${helm.released}. Press STOP to stop it`, "bad"];
   if (helm.state.latched) return [`EMERGENCY STOP${helm.stoppedBy}${helm.release}`, "bad"];
   if (view.silent) return ["No data from the robot", "bad"];
   if (press.source && press.reason === "goal_reached") return [sentence(press.why), "good"];
