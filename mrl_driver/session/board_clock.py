@@ -16,6 +16,7 @@ _BUCKET_S = 0.25
 _BUCKETS, _SPARE = 80, 20
 """The window is 80 buckets (20 s).  It may grow by a quarter before its oldest part is dropped and the hull rebuilt."""
 _LEAST_SPAN_S = 1.0
+_STEEP = 0.1  # an edge that rises by more leads to frames that waited, and is not drift [s/s]
 _EARLIER = 0xF000
 """A larger step of the lower 16 bits, between frames of two streams, is one back by less than 0.26 s [64 us]."""
 
@@ -36,7 +37,6 @@ class BoardClock:
         self._ticks: Optional[int] = None
         self._time = 0
         self._mixed = False  # the last frame belongs to the other stream
-        self._arrival_s = 0.0
         self._stamp_s = float("-inf")
         self._lows: List[_Point] = []
         self._hull: List[_Point] = []
@@ -59,8 +59,10 @@ class BoardClock:
             if self._mixed:
                 self._mixed = False
                 step = step - 0x10000 if step > _EARLIER else step
-            self._ticks += step if next_one else step + self._wraps(step, arrival_s)
-        self._time, self._arrival_s = time, arrival_s
+            self._ticks += step
+            if not next_one:
+                self.count_wraps(arrival_s)
+        self._time = time
         self.board_s = board_s = self._ticks * TICK_S
         offset = arrival_s - board_s
         if board_s >= self._bucket_end_s or offset - self.drift * board_s < self._low:
@@ -81,22 +83,29 @@ class BoardClock:
         the board.  The fit of the two clocks does not use it.  `next_one` is as for `update`.
         """
         if self._ticks is None:
-            self._ticks, self._time, self._arrival_s = 0, time, arrival_s
+            self._ticks, self._time = 0, time
         step = (time - self._time) & 0xFFFF
         if step > _EARLIER and not self._mixed:
             step -= 0x10000
-        self._ticks += step if next_one else step + self._wraps(step, arrival_s)
-        self._time, self._arrival_s, self._mixed = time, arrival_s, True
+        self._ticks += step
+        if not next_one:
+            self.count_wraps(arrival_s)
+        self._time, self._mixed = time, True
         board_s = self._ticks * TICK_S
-        at, height = self._line
-        if not self._hull:
-            return board_s, arrival_s
-        return board_s, min(arrival_s, board_s + height + self.drift * (board_s - at))
+        return board_s, min(arrival_s, self._estimate(board_s)) if self._hull else arrival_s
 
-    def _wraps(self, step: int, arrival_s: float) -> int:
-        """Ticks of the whole wraps that passed besides `step`, by the host's clock."""
-        expected = round((arrival_s - self._arrival_s) / (1.0 + self.drift) / TICK_S)
-        return max(0, (expected - step + 0x8000) >> 16 << 16)
+    def count_wraps(self, arrival_s: float) -> None:
+        """The last frame arrived at `arrival_s` [s] without waiting: count the whole wraps in its delay.
+
+        The frame before it may have waited for this program, so the time between the two arrivals does not matter.
+        """
+        if self._ticks is not None and self._hull:
+            delay_s = arrival_s - self._estimate(self._ticks * TICK_S)
+            self._ticks += max(0, (round(delay_s / (1.0 + self.drift) / TICK_S) + 0x8000) >> 16 << 16)
+
+    def _estimate(self, board_s: float) -> float:
+        at, height = self._line
+        return board_s + height + self.drift * (board_s - at)
 
     def _collect(self, point: _Point) -> None:
         """Add the first point of a bucket, or replace its point with a lower one; fit the line again if needed."""
@@ -119,12 +128,18 @@ class BoardClock:
         self._low = point[1] - self.drift * point[0]
 
     def _fit(self) -> None:
-        hull = self._hull
-        middle = (self._lows[0][0] + self._lows[-1][0]) / 2
+        hull, first_s = self._hull, self._lows[0][0]
+        middle = (first_s + self._lows[-1][0]) / 2
         for (x0, y0), (x1, y1) in zip(hull, hull[1:]):
-            if x1 >= middle and x1 - x0 >= _LEAST_SPAN_S:
-                self.drift = min(MAX_DRIFT, max(-MAX_DRIFT, (y1 - y0) / (x1 - x0)))
-                break
+            slope = (y1 - y0) / (x1 - x0)
+            if x1 >= middle and x1 - x0 >= _LEAST_SPAN_S and slope < _STEEP:
+                self.drift = min(MAX_DRIFT, max(-MAX_DRIFT, slope))
+                if slope >= -MAX_DRIFT:
+                    break
+                first_s = x1  # frames waited before that, or the host's clock stood still: the computer was suspended
+        if first_s > self._lows[0][0]:
+            self._lows = [low for low in self._lows if low[0] >= first_s]
+            hull[:] = [low for low in hull if low[0] >= first_s]
         drift = self.drift
         self._line = min([(y - drift * x, x, y) for x, y in hull])[1:]
 

@@ -662,6 +662,8 @@ class Session:
         if self._restarted:
             self._stream.begin_anew()
             self.counters.lost = self._lost_before  # after a restart the numbers start again: none were lost
+        else:
+            self._stream.clock.count_wraps(now)  # frames that were not made have no numbers
         self.heard_s = now if streams else math.inf  # without a stream nothing is late or stale
         self.motion.make_sure()
         coast_s = self._plan.watchdog_ms / 1000 + STOPPING_S if self._watched else math.inf

@@ -85,6 +85,49 @@ def test_a_late_burst_is_no_wrap():
     assert clock.board_s == pytest.approx(312 * TICK_S)
 
 
+def waiting(before_s, resumed_s):
+    """Yields (true host time, stamp, board time) from the first frame after a stall.
+
+    The stall begins at `before_s`.  The link keeps the frames of its first two seconds, which arrive at `resumed_s`,
+    and loses the others.  30 s follow.
+    """
+    clock = BoardClock()
+    kept = int((before_s + 2.0) / 0.02)
+    for n in (*range(kept), *range(int(resumed_s / 0.02), int((resumed_s + 30) / 0.02))):
+        board_s = 0.02 * n
+        arrival_s = resumed_s if before_s <= board_s < resumed_s else board_s
+        stamp_s = clock.update(
+            int16(round(board_s / TICK_S)), arrival_s, next_one=n < kept or board_s > resumed_s
+        )
+        if board_s >= resumed_s:
+            yield board_s, stamp_s, clock.board_s
+
+
+@pytest.mark.parametrize("before_s", [1.5, 20.0])
+@pytest.mark.parametrize("resumed_s", [30.0, 300.0])
+def test_a_gap_behind_frames_that_waited_is_counted_from_their_stamps(before_s, resumed_s):
+    """They arrive just before the frame that ends the gap."""
+    true_s, _, board_s = next(waiting(before_s, resumed_s))
+    assert board_s == pytest.approx(true_s, abs=STAMP_ERROR_S)
+
+
+@pytest.mark.parametrize("resumed_s", [30.0, 300.0])
+def test_frames_that_waited_do_not_count_as_drift(resumed_s):
+    """When they are the oldest of the window, too."""
+    late_s = [true_s - stamp_s for true_s, stamp_s, _ in waiting(20.0, resumed_s)]
+    assert max(late_s) < STAMP_ERROR_S
+
+
+def test_a_suspended_computer_does_not_count_as_drift():
+    """Its clock stands still for a second, whose frames arrive at once.  2 s later the stamps are exact."""
+    clock = BoardClock()
+    for n in range(3000):
+        board_s = 0.02 * n
+        arrival_s = board_s if board_s < 20.0 else max(20.0, board_s - 1.0)
+        stamp_s = clock.update(int16(round(board_s / TICK_S)), arrival_s, next_one=True)
+        assert board_s < 23.0 or arrival_s - stamp_s < STAMP_ERROR_S
+
+
 def test_stamps_of_frames_that_came_at_once_are_a_microsecond_apart():
     clock = BoardClock()
     first, second = (clock.update(ticks, 1.0) for ticks in (0, 1))

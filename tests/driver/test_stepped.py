@@ -114,3 +114,28 @@ def test_a_pause_is_known_until_the_next_one(robot, speeds):
     assert robot.link.since_pause_s < 0.05
     robot.wait(1.0)
     assert robot.link.since_pause_s == pytest.approx(1.0, abs=0.05)
+
+
+class Tty:
+    """A port that keeps 4095 bytes while nobody reads, as Linux does, and loses the others."""
+
+    def __init__(self, engine):
+        self.engine = engine
+        self.receive = engine.receive
+
+    @property
+    def next_event_s(self):
+        return self.engine.next_event_s
+
+    def advance(self, to_s):
+        return self.engine.advance(to_s)[:4095]
+
+
+@pytest.mark.parametrize("seconds", [7.0, 30.0])
+def test_after_a_pause_stamps_are_those_of_the_present(emulated, seconds):
+    """The board has ended its stream meanwhile, so that no number is missing."""
+    with SteppedDriver(Tty(emulated.engine)) as robot:
+        robot.wait(3.0)
+        robot.pause(seconds)
+        robot.wait(0.5)
+        assert robot.now_s - robot.telemetry.stamp_s < 0.05
