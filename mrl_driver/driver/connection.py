@@ -61,6 +61,13 @@ def _whole(code: Any, args: Sequence[Any]) -> Tuple[int, Tuple[int, ...]]:
     return require_whole("code", code, FrameError), whole
 
 
+def _of_callback(error: BaseException) -> MrlError:
+    """Return the error of a driver whose callback has raised this one."""
+    failure = MrlError(f"a callback raised {error!r}; the driver has ended and sent a stop to the robot")
+    failure.__cause__ = error
+    return failure
+
+
 class Connection:
     """A driver's core on its links.  `connect`, `close`, `wait`, `request`, `ask` and `board` are those of `Driver`.
 
@@ -347,11 +354,7 @@ class Connection:
             self._give_up(error)
         except BaseException as error:
             if not self.closing:
-                failure = MrlError(
-                    f"a callback raised {error!r}; the driver has ended and sent a stop to the robot"
-                )
-                failure.__cause__ = error
-                self._give_up(failure)
+                self._give_up(_of_callback(error))
             raise
 
     def serve(self, link: Link) -> None:
@@ -389,7 +392,12 @@ class Connection:
                 self.flush()
             if not self._settled and core.state.settled:
                 self._settle()
-            self.report(events)
+            try:
+                self.report(events)
+            except (LinkLost, BoardError) as error:
+                if error is not self.error:  # a callback's, perhaps of another robot: this link is not lost
+                    raise _of_callback(error) from error
+                raise
 
     def turn_recorded(self, data: bytes, now: float) -> List[DriverEvent]:
         """As `Core.turn`, and record what a replay needs to do the same; with the lock."""

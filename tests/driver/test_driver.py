@@ -251,16 +251,23 @@ def test_a_callback_cannot_turn_the_motors_of_a_robot_that_is_being_stopped(serv
     assert any("(the driver is being closed)" in each for each in refused)
 
 
-@pytest.mark.parametrize("error", [ZeroDivisionError(), FrameError("no such frame")])
-@pytest.mark.parametrize("version", [1, 2])
-def test_a_callback_that_raises_ends_the_driver_and_stops_the_robot(serve, monkeypatch, version, error):
+@pytest.mark.parametrize(
+    "error",
+    [ZeroDivisionError(), FrameError("no such frame"), LinkLost("another robot"), BoardTimeout("no answer")],
+)
+@pytest.mark.parametrize("version, reconnect", [(1, False), (2, False), (2, True)])
+def test_a_callback_that_raises_ends_the_driver_and_stops_the_robot(
+    serve, monkeypatch, version, reconnect, error
+):
     monkeypatch.setattr(threading, "excepthook", lambda args: None)
     port = serve(version=version)
-    with Driver(port.path, options=Options(command_timeout_s=None)) as robot:
+    with Driver(port.path, options=Options(command_timeout_s=None, reconnect=reconnect)) as robot:
         drive_until(robot, 0.1, 0, lambda: port.board.speeds == (100, 0))
         robot.on_telemetry(mock.Mock(side_effect=error))
         wait_until(lambda: robot.error is not None)
-        with pytest.raises(MrlError, match="no such frame|callback raised ZeroDivisionError"):
+        with pytest.raises(
+            MrlError, match="no such frame|callback raised (ZeroDivisionError|LinkLost|BoardTimeout)"
+        ):
             robot.drive(0.1, 0)
         wait_until(lambda: port.board.speeds == (0, 0))
 
