@@ -175,7 +175,7 @@ class Connection:
         if link is not None:
             link.close()
         if not alone:
-            thread.join()
+            thread.join(2 * CLOSE_S)  # not for ever: a callback may be blocked
         self.links.end_recording()
         atexit.unregister(self._end_with_program)
 

@@ -547,7 +547,10 @@ class Driver:
     # -- callbacks: they run on the reading thread, one after the other, without a lock
 
     def on_telemetry(self, callback: Callable[[Telemetry], None]) -> None:
-        """Call `callback` for each telemetry frame; boards without motors have none."""
+        """Call `callback` for each telemetry frame; boards without motors have none.
+
+        A callback must not block: meanwhile nothing is read, and no command is repeated.
+        """
         self._connection.listen(self._connection.listeners[Telemetry], callback)
 
     def on(self, kind: Type[Heard], callback: Callable[[Heard], None]) -> None:

@@ -272,6 +272,20 @@ def test_a_callback_that_raises_ends_the_driver_and_stops_the_robot(
         wait_until(lambda: port.board.speeds == (0, 0))
 
 
+def test_closing_does_not_wait_for_a_callback_that_is_blocked(serve):
+    entered, free = threading.Event(), threading.Event()
+    driver = Driver(serve().path)
+    driver.connect()
+    driver.on_telemetry(lambda _: (entered.set(), free.wait()))
+    assert entered.wait(PATIENCE_S)
+    closer = threading.Thread(target=driver.close, daemon=True)
+    closer.start()
+    closer.join(PATIENCE_S)
+    closed = not closer.is_alive()
+    free.set()
+    assert closed
+
+
 def test_frames_leave_in_one_piece_whatever_the_link_does(robot, monkeypatch):
     """With a link that has no lock: one thread writes at a time, and it takes the bytes of the others along."""
     sent = bytearray()
