@@ -93,7 +93,8 @@ def number(file, name):
     "words",
     [
         f"at most {number('mrl_driver/apps/web/messages.py', 'MOST_BYTES')} bytes",
-        f"16 pages, 100 connections, {number('mrl_driver/apps/web/client.py', 'MOST_PER_S')} messages/s from each",
+        f"{number('mrl_driver/apps/web/client.py', 'MOST_PER_S')} messages and pings a second from each",
+        "16 pages, 100 connections,",
         f"{topic_sender.MOST_RECEIVERS} connections",
         f"frames of at most {relay_frames.LONGEST_BYTES // (1 << 20)} MB",
         {4: "at most four holders"}[MOST_HOLDERS],
