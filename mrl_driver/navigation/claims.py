@@ -70,6 +70,16 @@ class ClaimMessage(NamedTuple):
         return cls(sender, int(claim), to, int(granted))
 
 
+def write_messages(messages: Sequence[ClaimMessage]) -> str:
+    """One text with a line for each message: a relay of topics keeps only the newest of several texts of one robot."""
+    return "\n".join(message.text for message in messages)
+
+
+def read_messages(text: str) -> List[ClaimMessage]:
+    """The messages of such a text; ValueError if a line is not a message of a claim."""
+    return [ClaimMessage.parse(line) for line in text.split("\n")]
+
+
 class Claim:
     """One robot's side of the claims of a place; ConfigError if a name is not valid, or appears twice.
 

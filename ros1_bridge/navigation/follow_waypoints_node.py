@@ -23,7 +23,16 @@ from std_srvs.srv import Trigger, TriggerResponse
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from mrl_driver.navigation.claims import LATE_S, RADIO_LATE_S, Claim, ClaimMessage, RadioTeam, read_radios
+from mrl_driver.navigation.claims import (
+    LATE_S,
+    RADIO_LATE_S,
+    Claim,
+    ClaimMessage,
+    RadioTeam,
+    read_messages,
+    read_radios,
+    write_messages,
+)
 from mrl_driver.navigation.waypoint_tour import CLAIMING, PAUSED, Target, WaypointTour
 from mrl_driver.robot.radio import format_address, parse_address
 from mrl_driver.yaml_file import is_number
@@ -143,12 +152,13 @@ class FollowWaypoints:
         self._claims_out = rospy.Publisher(to, kind, queue_size=CLAIMS_QUEUE)
         rospy.Subscriber(of, kind, self._on_claim, queue_size=CLAIMS_QUEUE, tcp_nodelay=True)
 
-    def _send_claim(self, message: ClaimMessage) -> None:
+    def _send_claims(self, messages: Sequence[ClaimMessage]) -> None:
         if self._radio is None:
-            self._claims_out.publish(message.text)
+            self._claims_out.publish(write_messages(messages))
             return
-        address, text = self._radio.text_to(message)
-        self._claims_out.publish(format_address(address), text)
+        for message in messages:
+            address, text = self._radio.text_to(message)
+            self._claims_out.publish(format_address(address), text)
         if not self._claims_out.get_num_connections():
             rospy.logwarn_throttle(
                 WARN_EVERY_S,
@@ -204,8 +214,8 @@ class FollowWaypoints:
             pose = self._poses[target.place] if target else None
             status = self._status(now_s)
             claims = self._claim.messages(now_s) if self._claim else []
-        for message in claims:
-            self._send_claim(message)
+        if claims:
+            self._send_claims(claims)
         if target != self._sent:
             self._sent = target
             self._send(target, pose)
@@ -246,20 +256,20 @@ class FollowWaypoints:
                 self._tour.pause(CANCELLED)
 
     def _on_claim(self, message: Any) -> None:
-        """Take a claim: a String of `claims`, or a KeyValue that the radio has received."""
+        """Take claims: a String of `claims`, or a KeyValue that the radio has received."""
         assert self._claim is not None
-        heard: Optional[ClaimMessage]
         try:
             if self._radio is None:
-                heard = ClaimMessage.parse(message.data)
+                heard = read_messages(message.data)
             else:
-                heard = self._radio.message_of(parse_address(message.key), message.value)
+                by_radio = self._radio.message_of(parse_address(message.key), message.value)
+                heard = [by_radio] if by_radio is not None else []
         except ValueError as error:
             rospy.logwarn_throttle(WARN_EVERY_S, str(error))
             return
-        if heard is not None:
-            with self._lock:
-                self._claim.receive(heard, time.monotonic())
+        with self._lock:
+            for each in heard:
+                self._claim.receive(each, time.monotonic())
 
     def _on_status(self, _: GoalStatusArray) -> None:
         self._heard_s = time.monotonic()

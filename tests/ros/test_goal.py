@@ -22,7 +22,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from mrl_driver.geometry import Pose
-from mrl_driver.navigation.claims import Claim, ClaimMessage
+from mrl_driver.navigation.claims import Claim, read_messages, write_messages
 from mrl_driver.robot.models import Limits
 from ros1_bridge.navigation.follow_waypoints_node import CANCELLED, ends_tour
 from ros1_bridge.navigation.go_to_goal_node import IN_MANUAL_MODE, OdometryGap, clock_s
@@ -364,12 +364,14 @@ def test_stop_does_not_fail_because_the_shutdown_has_closed_the_topic(everything
 
 
 def test_shared_waypoint_is_claimed_and_the_tour_pauses_when_move_base_falls_silent(rig):
-    """A goal that nobody serves would never end."""
-    name = f"{rig.ns}/follow_waypoints"
-    server, status = follow(rig, team="me,other", team_name="me")
+    """A goal that nobody serves would never end.  Each robot of the team says all in one text."""
+    name, said = f"{rig.ns}/follow_waypoints", rig.topic("claims", String)
+    server, status = follow(rig, team="me,other,third", team_name="me")
     wait_until(lambda: status.messages and status.messages[-1].message == "claiming")
     answer(rig)
     wait_until(lambda: status.messages[-1].message == "driving")
+    own = [text.data for text in said.messages if text.data.startswith("me")]
+    assert {tuple(each.to for each in read_messages(text)) for text in own} == {("other", "third")}
     server.started = False  # it publishes its status no longer
     wait_until(lambda: status.messages[-1].message == "move_base has fallen silent")
     values = values_of(status.messages[-1])
@@ -403,18 +405,20 @@ def test_claims_go_by_radio_and_a_silent_robot_is_named(rig):
 
 
 def answer(rig):
-    """Plays the other robot of the team: it answers on the topic of the claims."""
-    other = Claim("other", ["me"], 0.0)
+    """Plays the other robots of the team: they answer on the topic of the claims."""
+    others = [Claim("other", ["third", "me"], 0.0), Claim("third", ["other", "me"], 0.0)]
     out = rig.publisher("claims", String)
 
     times = itertools.count()
 
     def hear(message):
-        said, now_s = ClaimMessage.parse(message.data), float(next(times))
-        if said.sender != other.name:  # else it would answer itself without a pause
-            other.receive(said, now_s)
-            for reply in other.messages(now_s):
-                out.publish(reply.text)
+        said, now_s = read_messages(message.data), float(next(times))
+        for other in others if said[0].sender == "me" else ():  # else they would answer without a pause
+            for each in said:
+                other.receive(each, now_s)
+            replies = other.messages(now_s)
+            if replies:
+                out.publish(write_messages(replies))
 
     rospy.Subscriber(f"{rig.ns}/claims", String, hear)
 

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.navigation.claims import LATE_S, REPEAT_S, Claim, read_messages, write_messages
 from mrl_driver.safety.message_age import MessageAge
 from ros1_bridge.relay.relay_frames import (
     LONGEST_BYTES,
@@ -101,6 +102,22 @@ def leaving(box, now_s=0.0):
 def test_newer_message_takes_the_place_of_the_one_that_waits_of_the_same_publisher():
     box = filled(*messages(1, 2), *messages(2, 3), *messages(1, 4))
     assert [(message.number, message.sequence) for message in leaving(box)] == [(1, 4), (2, 3)]
+
+
+def test_robot_of_a_team_gets_its_place_over_relays():
+    """Each robot speaks to three others at once, and of each robot the newest text leaves."""
+    names = ("a", "b", "c", "d")
+    claims = {name: Claim(name, [each for each in names if each != name], -LATE_S) for name in names}
+    claims["a"].want()
+    for number in range(1, 9):
+        box = Outbox()
+        for publisher, claim in enumerate(claims.values()):
+            text = write_messages(claim.messages(number * REPEAT_S))
+            box.put(Message(publisher, number, 0.0, text.encode()))
+        for message in leaving(box):
+            for each in read_messages(message.body.decode()):
+                claims[each.to].receive(each, number * REPEAT_S)
+    assert claims["a"].held
 
 
 def test_few_messages_of_a_publisher_are_in_transit():
