@@ -22,6 +22,10 @@ it can do something else meanwhile.
 A robot that starts again has forgotten what it granted, and learns it from the others' messages.  It claims only after
 `LATE_S`, because a message from before its start may be from before the grant, too.  A robot that starts again at the
 place must be taken away from it first, because it no longer knows that it held the place.
+
+Two robots with the same name would both hold the place, because one grant counts for both.  `hear_namesake` reports a
+message that has this robot's name and comes from another one.  Neither of the two then holds the place or grants it.  A
+robot grants claims only after `LATE_S`, so that it has heard a robot that had its name before.
 """
 
 import math
@@ -43,6 +47,7 @@ RADIO_LATE_S = 6.0
 MOST_ROBOTS = 6
 """Each robot sends a text to each other one twice a second.  Six robots send 60 in a second, which is assumed to be as
 many as one channel carries with repetitions."""
+NAMESAKE = "another robot of the team is called {}, too: give each robot a name of its own"
 _TEXT = re.compile(r"([!-~]+) ([0-9]{1,9}) ([!-~]+) ([0-9]{1,9})")
 
 
@@ -95,6 +100,8 @@ class Claim:
         if len(set(names)) < len(names):
             raise ConfigError(f"names of the team are {', '.join(names)}, expected each one once")
         self.name = name
+        self.has_namesake = False  # whether another robot with this name was heard in the last `SILENT_S`
+        self._namesake_s = -math.inf
         self._wanted = False
         self._number = self._largest = 0
         self._claims: Dict[str, int] = dict.fromkeys(others, 0)
@@ -107,8 +114,9 @@ class Claim:
 
     @property
     def held(self) -> bool:
-        """Whether the place belongs to this robot."""
-        return self._number > 0 and all(answer == self._number for answer in self._answers.values())
+        """Whether the place belongs to this robot; never while another robot has its name."""
+        answered = all(answer == self._number for answer in self._answers.values())
+        return self._number > 0 and answered and not self.has_namesake
 
     def silent(self, now_s: float) -> Tuple[str, ...]:
         """Names of the robots that were not heard for `SILENT_S`."""
@@ -145,12 +153,18 @@ class Claim:
         self._consider(sender)
         self._draw_number()
 
+    def hear_namesake(self, now_s: float) -> None:
+        """A message came whose sender has the name of this robot, and which this robot has not sent."""
+        self.has_namesake, self._namesake_s = True, now_s
+
     def messages(self, now_s: float) -> List[ClaimMessage]:
         """The messages to send now, one for each of the others; none if they are not due."""
+        self.has_namesake = now_s - self._namesake_s <= SILENT_S
         if now_s < self._due_s:
             return []
         self._due_s = now_s + REPEAT_S
-        return [ClaimMessage(self.name, self._number, to, self._granted[to]) for to in self._claims]
+        grants = now_s > self._settled_s and not self.has_namesake
+        return [ClaimMessage(self.name, self._number, to, self._granted[to] * grants) for to in self._claims]
 
     def _draw_number(self) -> None:
         if self._wanted and not self._number and not self._unheard:

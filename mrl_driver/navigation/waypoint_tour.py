@@ -3,7 +3,7 @@
 import math
 from typing import Container, List, NamedTuple, Optional
 
-from .claims import SILENT_S, Claim
+from .claims import NAMESAKE, SILENT_S, Claim
 
 IDLE, DRIVING, WAITING, PAUSED, DONE = "idle", "driving", "waiting", "paused", "done"
 CLAIMING = "claiming"
@@ -153,7 +153,9 @@ class WaypointTour:
         return True
 
     def tick(self, now_s: float) -> None:
-        """Drive on if the wait at a waypoint is over, or the claim is held."""
+        """Drive on if the wait at a waypoint is over, or the claim is held; pause while another robot has the name."""
+        if self._claim is not None and self._claim.has_namesake:
+            self.pause(NAMESAKE.format(self._claim.name))
         if self.state == WAITING and now_s >= self._due_s:
             self._next("")
         if self.state == CLAIMING:

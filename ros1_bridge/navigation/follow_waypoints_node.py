@@ -25,6 +25,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.claims import (
     LATE_S,
+    NAMESAKE,
     RADIO_LATE_S,
     Claim,
     ClaimMessage,
@@ -267,9 +268,18 @@ class FollowWaypoints:
         except ValueError as error:
             rospy.logwarn_throttle(WARN_EVERY_S, str(error))
             return
+        if self._radio is None and self._is_of_namesake(message, heard):
+            rospy.logwarn_throttle(WARN_EVERY_S, NAMESAKE.format(self._name))
+            with self._lock:
+                self._claim.hear_namesake(time.monotonic())
         with self._lock:
             for each in heard:
                 self._claim.receive(each, time.monotonic())
+
+    def _is_of_namesake(self, message: String, heard: Sequence[ClaimMessage]) -> bool:
+        """Whether another node has sent a message with this robot's name; a relay sends none of its own robot's."""
+        own = message._connection_header["callerid"] == rospy.get_name()
+        return not own and any(each.sender == self._name for each in heard)
 
     def _on_status(self, _: GoalStatusArray) -> None:
         self._heard_s = time.monotonic()

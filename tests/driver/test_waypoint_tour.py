@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.navigation.claims import LATE_S, REPEAT_S, SILENT_S, Claim, ClaimMessage
+from mrl_driver.navigation.claims import LATE_S, NAMESAKE, REPEAT_S, SILENT_S, Claim, ClaimMessage
 from mrl_driver.navigation.line_follower import Course
 from mrl_driver.navigation.waypoint_tour import (
     CLAIMING,
@@ -184,6 +184,21 @@ def test_shared_waypoint_is_skipped_if_another_robot_is_silent_and_that_is_wante
     assert not claim.held
 
 
+def test_tour_pauses_while_another_robot_has_the_name_of_this_one(sharing, other):
+    """Also on its way to a waypoint that is not shared: both robots have the same settings, and must be looked at."""
+    tour, claim = sharing()
+    tour.skip()
+    claim.hear_namesake(1.0)
+    for now_s in (1.0, 1.0 + SILENT_S):
+        tour.tick(now_s)
+        assert (tour.state, tour.reason) == (PAUSED, NAMESAKE.format("a"))
+        claim.messages(now_s)
+        tour.resume()
+    claim.messages(1.1 + SILENT_S)
+    tour.tick(1.1 + SILENT_S)
+    assert tour.state == DRIVING
+
+
 @pytest.mark.parametrize("act", ["pause", "skip", "end"])
 def test_claim_is_withdrawn_if_the_robot_does_not_wait_for_it_any_more(sharing, other, act):
     tour, claim = sharing()
@@ -337,6 +352,29 @@ def test_other_texts_are_refused(text):
         ClaimMessage.parse(text)
     message = ClaimMessage("1", 9999, "2", 9998)
     assert ClaimMessage.parse(message.text) == message and len(message.text) <= 16
+
+
+def test_robot_that_hears_its_name_from_another_one_holds_nothing_and_grants_nothing(three):
+    """One grant would count for both."""
+    first, other = three.claims["a"], three.claims["b"]
+    first.want()
+    three.exchange()
+    first.hear_namesake(three.now_s)
+    assert not first.held
+    first.release()
+    other.want()
+    three.exchange()
+    assert not other.held
+    three.exchange(int(SILENT_S / REPEAT_S) + 1)
+    assert other.held
+
+
+def test_robot_grants_nothing_until_it_has_heard_a_robot_that_had_its_name_before():
+    """That one may be at the place, and its messages may come after the claim of another robot."""
+    claim = Claim("a", ["b"], 0.0)
+    claim.receive(ClaimMessage("b", 1, "a", 0), 0.0)
+    assert claim.messages(LATE_S) == [ClaimMessage("a", 0, "b", 0)]
+    assert claim.messages(LATE_S + REPEAT_S) == [ClaimMessage("a", 0, "b", 1)]
 
 
 @pytest.mark.parametrize("names", [("a", "a"), ("a b", "c"), ("", "c")])

@@ -22,7 +22,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from mrl_driver.geometry import Pose
-from mrl_driver.navigation.claims import Claim, read_messages, write_messages
+from mrl_driver.navigation.claims import NAMESAKE, Claim, read_messages, write_messages
 from mrl_driver.robot.models import Limits
 from ros1_bridge.navigation.follow_waypoints_node import CANCELLED, ends_tour
 from ros1_bridge.navigation.go_to_goal_node import IN_MANUAL_MODE, OdometryGap, clock_s
@@ -377,6 +377,20 @@ def test_shared_waypoint_is_claimed_and_the_tour_pauses_when_move_base_falls_sil
     values = values_of(status.messages[-1])
     assert (values["state"], values["waypoint"]) == ("paused", "1 of 1")
     rospy.delete_param(name)
+
+
+def test_robot_pauses_while_another_node_sends_claims_with_its_name(rig):
+    """Its own claims come back to it, too, and do not count."""
+    own = rig.topic("claims", String)
+    _, status = follow(rig, team="me,other", team_name="me")
+    own.wait(3)
+    assert status.messages[-1].message == "claiming"
+    twin = rig.publisher("claims", String)
+    wait_until(lambda: twin.get_num_connections() == 2)  # the node's, and the one of this test
+    twin.publish("me 0 other 0")
+    wait_until(lambda: status.messages[-1].message == NAMESAKE.format("me"))
+    assert values_of(status.messages[-1])["state"] == "paused"
+    rospy.delete_param(f"{rig.ns}/follow_waypoints")
 
 
 def follow(rig, **team):
