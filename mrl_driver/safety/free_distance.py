@@ -5,7 +5,7 @@ Directions are unit vectors in base_link; points are x and y in base_link [m].
 
 import math
 import sys
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import Body, SonarMount
@@ -120,15 +120,21 @@ class Scan(NamedTuple):
         return points
 
     def gaps(self) -> List[int]:
-        """Return the numbers of the rays without a reading, except those of a width of up to `GAP_RAD`."""
+        """Return the numbers of the rays without a reading, except those of a width of up to `GAP_RAD`.
+
+        In a full circle, the last rays are next to the first ones.
+        """
         most_m = math.inf if self.inf_is_free else min(self.far_m, sys.float_info.max)
         known = [n for n, m in enumerate(self.ranges) if self.near_m <= m <= most_m or m == -math.inf]
-        gaps: List[int] = []
-        for before, after in zip([-1, *known], [*known, len(self.ranges)]):
-            at_an_end = before < 0 or after == len(self.ranges)  # no reading limits the gap there
-            if at_an_end or (after - before) * abs(self.step_rad) > GAP_RAD + _ROUNDING:
-                gaps += range(before + 1, after)
-        return gaps
+        count, step_rad = len(self.ranges), abs(self.step_rad)
+        if not known:
+            return list(range(count))
+        ends = (known[-1] - count, known[0] + count) if (count + 1) * step_rad >= math.tau else (-1, count)
+        gaps: Set[int] = set()
+        for before, after in zip([ends[0], *known], [*known, ends[1]]):
+            if (after - before) * step_rad > GAP_RAD + _ROUNDING:
+                gaps.update(number % count for number in range(before + 1, after))
+        return sorted(gaps)
 
     def angle_rad(self, number: float) -> float:
         """Return the angle of a ray in the frame of the laser."""

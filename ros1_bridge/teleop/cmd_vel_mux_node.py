@@ -115,8 +115,11 @@ class CmdVelMux:
             self._update(now_s)
 
     def _on_cancel(self, message: GoalID) -> None:
-        """All goals are cancelled, as `robot_node` does when it stops, is released or changes its mode."""
-        if not message.id:
+        """`robot_node` has stopped, was released, or changes its mode: it cancels the goals of before this time.
+
+        A client that cancels its goals gives no time.
+        """
+        if message.stamp and not message.id:
             with self._lock:
                 self._mux.distrust()
 

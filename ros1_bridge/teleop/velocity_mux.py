@@ -51,7 +51,9 @@ class VelocityMux:
         self._locks = {lock.name: lock for lock in locks}
         self._commanded_s: Dict[str, float] = {}
         self._locked: Dict[str, Tuple[bool, float]] = {}
-        self._driver = self._moves = ""  # whose command passed last, also if it was not a stop
+        self._driver = self._moves = (
+            ""  # whose command passed last; that of them that moves, perhaps with a zero between
+        )
 
     def command(self, name: str, numbers: Sequence[float], now_s: float) -> Optional[Sequence[float]]:
         """What to publish after a source's command: its numbers, zeros if one is not finite.
@@ -67,7 +69,7 @@ class VelocityMux:
         self._commanded_s[name] = now_s
         if self.active(now_s) != name:
             return None
-        self._driver, self._moves = name, name if moves else ""
+        self._driver, self._moves = name, name if moves or name == self._moves else ""
         return numbers if finite else (0.0,) * len(numbers)
 
     def _must_pause(self, name: str, now_s: float) -> bool:

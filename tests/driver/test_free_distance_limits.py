@@ -119,8 +119,23 @@ def test_rays_without_a_reading_are_a_gap_of_more_than_three_degrees(lost, step_
     assert scan(1.0, *[math.nan] * lost, 1.0, step_deg=step_deg).gaps() == list(range(1, 1 + gaps))
 
 
-def test_a_gap_at_the_end_of_a_scan_may_be_of_any_width():
-    assert scan(math.nan, *[1.0] * 3, math.nan, step_deg=0.1).gaps() == [0, 4]
+def test_a_scan_without_a_reading_is_a_gap_however_narrow_it_is():
+    assert scan(math.nan, step_deg=0.1).gaps() == [0]
+
+
+@pytest.mark.parametrize(
+    ("first", "seen", "last", "gaps"),
+    [
+        (2, 356, 2, [0, 1, 358, 359]),
+        (1, 358, 1, []),
+        (2, 176, 2, []),
+        (3, 176, 0, [0, 1, 2]),
+        (1, 359, 0, []),
+    ],
+)
+def test_the_ends_of_a_full_circle_meet(first, seen, last, gaps):
+    """A laser loses single rays there, too, and depth cameras lack those at their edges."""
+    assert scan(*[math.nan] * first, *[1.0] * seen, *[math.nan] * last, step_deg=1.0).gaps() == gaps
 
 
 @pytest.mark.parametrize(

@@ -115,6 +115,8 @@ def test_a_hand_that_drives_goes_on_while_the_goals_of_others_are_cancelled(mux)
     assert passed(mux, "hand", 1.0, 0.0) == {True}
     mux.distrust()
     assert passed(mux, "hand", 1.0, 1.0) == {True}
+    mux.command("hand", STOP, 2.0)
+    assert passed(mux, "hand", 1.0, 2.1) == {True}, "a zero between two moves"
 
 
 def test_the_end_of_manual_mode_lets_no_stream_of_before_drive(mux):
@@ -199,7 +201,11 @@ def test_node_passes_on_by_priority_and_stops_when_it_ends(rig):
         wait_until(lambda: is_active(name), step_s=0.05)  # noqa: B023
     lock.publish(True)
     wait_until(lambda: is_active(""), step_s=0.05)
-    rig.publisher("move_base/cancel", GoalID).publish(GoalID())
+    cancel = rig.publisher("move_base/cancel", GoalID)
+    cancel.publish(GoalID())
+    wait_until(lambda: is_active(""), step_s=0.05)
+    assert "since before the robot's last stop" not in node.last_words(), "a client has cancelled its goals"
+    cancel.publish(GoalID(stamp=rospy.Time.now()))
     wait_until(
         lambda: is_active("") and "since before the robot's last stop" in node.last_words(), step_s=0.05
     )
