@@ -37,7 +37,7 @@ class Keyboard:
 
     Attributes:
         pressed_s: earliest time at which the keys that `read` returned last may have reached the terminal
-            [s, `clock_s`]: the end of the `read` before it, if they waited already.
+            [s, `clock_s`]: when the `read` before it looked for keys, if they waited already.
     """
 
     def __init__(self) -> None:
@@ -61,14 +61,13 @@ class Keyboard:
 
     def read(self, timeout_s: float) -> List[str]:
         """Return the keys pressed, after waiting at most `timeout_s` for the first; `q` if the terminal was closed."""
-        self.pressed_s = self._looked_s
+        self.pressed_s, self._looked_s = self._looked_s, clock_s()
         ready, _, _ = select.select(self._fds, [], [], 0)
         if not ready:
             ready, _, _ = select.select(self._fds, [], [], timeout_s)
-            self.pressed_s = clock_s()
-        keys = self._keys(ready[0]) if ready else []
-        self._looked_s = clock_s()
-        return keys
+            # A program that is suspended while it waits does not count a key of that time as pressed now.
+            self.pressed_s = self._looked_s = min(clock_s(), self._looked_s + timeout_s)
+        return self._keys(ready[0]) if ready else []
 
     def _keys(self, fd: int) -> List[str]:
         """Return the keys whose bytes have arrived; a sequence may be cut, by `os.read` or by a slow network."""

@@ -5,7 +5,7 @@ from typing import Optional
 
 from mrl_driver.navigation.line_follower import Square
 from mrl_driver.terminal.live_view import Screen, Settings
-from mrl_driver.terminal.teleop_keys import Teleop
+from mrl_driver.terminal.teleop_keys import HOLD_S, Teleop
 from mrl_driver.view.shown_state import SILENT_S, Shown
 from mrl_driver.view.words import STOPS, remedied_text
 from ros1_bridge.topics.topic_robot import TopicRobot
@@ -36,9 +36,13 @@ class DemoScreen(Screen):
         return self._now_s - self._first_s if self._first_s is not None else 0.0
 
     def press(self, key: str, now_s: float) -> None:
-        """Handle a key; a key that drives or stops ends the square."""
+        """Handle a key; a key that drives or stops ends the square.
+
+        An `r` older than `HOLD_S` starts none: it was typed while the program was suspended.
+        """
         if key == "r":
-            self.square = Square()
+            if self._clock() < now_s + HOLD_S:
+                self.square = Square()
             return
         if key in ("space", "\r", "\n") or Teleop.moves(key):
             self.square = None

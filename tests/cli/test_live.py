@@ -31,6 +31,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot.battery import EMPTY_AFTER_S
 from mrl_driver.robot.models import SonarMount
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
+from mrl_driver.terminal import keyboard as keyboard_module
 from mrl_driver.terminal import live_panels, live_view
 from mrl_driver.terminal.canvas import Canvas, fit
 from mrl_driver.terminal.frame_log import MOST_LINES, FrameLog
@@ -174,6 +175,43 @@ def test_a_key_that_waited_counts_from_the_look_before(terminal):
         before_s = clock_s()
         terminal(b"w")
         assert keyboard.read(1.0) == ["w"] and keyboard.pressed_s <= before_s
+
+
+@pytest.fixture
+def suspended(terminal, monkeypatch):
+    """The program stands still for 3 s from here on, and `w` is typed meanwhile; when that began [s, `clock_s`]."""
+
+    def suspend():
+        began_s = clock_s()
+        monkeypatch.setattr("mrl_driver.terminal.keyboard.clock_s", lambda: clock_s() + 3.0)
+        terminal(b"w")
+        return began_s
+
+    return suspend
+
+
+def test_a_key_that_was_typed_while_a_waiting_program_was_suspended_is_old(suspended, monkeypatch):
+    began_s = []
+
+    def wait(*args):
+        if args[-1]:
+            began_s.append(suspended())
+        return select.select(*args)
+
+    with Keyboard() as keyboard:
+        monkeypatch.setattr("mrl_driver.terminal.keyboard.select", SimpleNamespace(select=wait))
+        assert keyboard.read(0.05) == ["w"] and keyboard.pressed_s < began_s[0] + 1.0
+
+
+def test_a_key_that_was_typed_while_a_program_was_suspended_behind_another_key_is_old(
+    suspended, terminal, monkeypatch
+):
+    began_s, split = [], keyboard_module.split
+    monkeypatch.setattr(keyboard_module, "split", lambda data: began_s.append(suspended()) or split(data))
+    with Keyboard() as keyboard:
+        terminal(b"s")
+        assert keyboard.read(1.0) == ["s"]
+        assert keyboard.read(1.0) == ["w"] and keyboard.pressed_s < began_s[0] + 1.0
 
 
 def test_an_arrow_in_two_parts_is_no_other_key(terminal):

@@ -160,6 +160,13 @@ def test_r_drives_a_square_and_nothing_is_published_before(demo):
     assert view.published[-1][0] > 0
 
 
+def test_an_r_that_was_typed_while_the_program_was_suspended_drives_no_square(demo):
+    view = demo()
+    view.screen.press("r", view.now_s - HOLD_S)
+    view.drive()
+    assert view.published == []
+
+
 def test_a_run_ends_when_its_time_of_odometry_is_over(demo):
     view = demo(duration_s=1.0)
     view.steer(after_s=5.0)
