@@ -1,5 +1,6 @@
 """Reading single keys from a terminal, without Enter."""
 
+import contextlib
 import os
 import re
 import select
@@ -57,7 +58,8 @@ class Keyboard:
 
     def __exit__(self, *_: object) -> None:
         if self._settings is not None:
-            termios.tcsetattr(self._fds[0], termios.TCSADRAIN, self._settings)
+            with contextlib.suppress(termios.error):  # the terminal was closed
+                termios.tcsetattr(self._fds[0], termios.TCSADRAIN, self._settings)
 
     def read(self, timeout_s: float) -> List[str]:
         """Return the keys pressed, after waiting at most `timeout_s` for the first; `q` if the terminal was closed."""

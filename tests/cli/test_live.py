@@ -177,6 +177,16 @@ def test_a_key_that_waited_counts_from_the_look_before(terminal):
         assert keyboard.read(1.0) == ["w"] and keyboard.pressed_s <= before_s
 
 
+def test_a_terminal_that_was_closed_is_no_error(monkeypatch):
+    """An error would replace the signal that ends the program."""
+    user, program = pty.openpty()
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(fileno=lambda: program, isatty=lambda: True))
+    with Keyboard() as keyboard:
+        os.close(user)
+        assert keyboard.read(1.0) == ["q"]
+    os.close(program)
+
+
 @pytest.fixture
 def suspended(terminal, monkeypatch):
     """The program stands still for 3 s from here on, and `w` is typed meanwhile; when that began [s, `clock_s`]."""
