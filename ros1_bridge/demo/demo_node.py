@@ -37,8 +37,8 @@ def topic_robot(robot: str) -> TopicRobot:
     """The robot behind this node's topics; `robot` is its model, or auto."""
     cmd_vel = OperatorCmdVel()
 
-    def publish(linear_m_s: float, angular_rad_s: float) -> None:
-        cmd_vel.send(twist_of(linear_m_s, angular_rad_s), clock_s())
+    def publish(*speeds: float) -> None:
+        cmd_vel.send(twist_of(*speeds), clock_s())
 
     found = TopicRobot(
         publish, rospy.is_shutdown, robot, lambda: cmd_vel.delay_s, rospy.resolve_name("robot_node")

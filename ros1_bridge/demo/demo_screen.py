@@ -6,7 +6,7 @@ from typing import Optional
 from mrl_driver.navigation.line_follower import Square
 from mrl_driver.terminal.live_view import Screen, Settings
 from mrl_driver.terminal.teleop_keys import HOLD_S, Teleop
-from mrl_driver.view.shown_state import SILENT_S, Shown
+from mrl_driver.view.shown_state import SILENT_S, Shown, moves_sideways
 from mrl_driver.view.words import STOPS, remedied_text
 from ros1_bridge.topics.topic_robot import TopicRobot
 
@@ -44,7 +44,7 @@ class DemoScreen(Screen):
             if self._clock() < now_s + HOLD_S:
                 self.square = Square()
             return
-        if key in ("space", "\r", "\n") or Teleop.moves(key):
+        if key in ("space", "\r", "\n") or Teleop.moves(key, moves_sideways(self._robot.model)):
             self.square = None
         super().press(key, now_s)
 

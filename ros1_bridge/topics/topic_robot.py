@@ -45,14 +45,15 @@ class TopicRobot:
 
     def __init__(
         self,
-        publish: Callable[[float, float], None],
+        publish: Callable[..., None],
         ended: Callable[[], bool],
         robot: str,
         delay: Callable[[], float] = lambda: math.nan,
         node: str = "",
     ) -> None:
-        """`publish` sends speeds [m/s, rad/s]; `robot` is a model's name or file, or auto: by the board's id.
+        """`publish` sends speeds [m/s, rad/s], and for a robot that can move sideways the one to the left [m/s].
 
+        `robot` is a model's name or file, or auto: by the board's id.
         `delay` returns the time from sending to the echo of the robot's node [s], NaN if unknown.  `node` is the full
         name of that node, whose diagnostics count; empty for those of any node.
         """
@@ -98,10 +99,11 @@ class TopicRobot:
     def on_event(self, listener: Callable[[Any], None]) -> None:
         """Do nothing: there are no events."""
 
-    def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
-        """Publish speeds."""
-        self.command = Twist(linear_m_s, angular_rad_s)
-        self._publish(linear_m_s, angular_rad_s)
+    def drive(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> None:
+        """Publish speeds; the last one if the robot can move sideways."""
+        twist = Twist(linear_m_s, angular_rad_s)
+        self.command = OmniTwist(*twist, lateral_m_s) if moves_sideways(self.model) else twist
+        self._publish(*self.command)
 
     def stop(self) -> None:
         """Publish a stop."""

@@ -150,6 +150,14 @@ def test_any_key_ends_the_square_with_its_own_command(demo, key, speeds):
     assert view.published[-1] == speeds
 
 
+def test_a_key_moves_a_robot_that_can_sideways_and_ends_its_square(demo):
+    view = demo(square=True, model="omni")
+    view.drive()
+    view.press(",")
+    view.steer()
+    assert view.published[-1] == (0.0, 0.0, LINEAR_M_S)
+
+
 def test_r_drives_a_square_and_nothing_is_published_before(demo):
     """Other nodes may drive meanwhile."""
     view = demo()
