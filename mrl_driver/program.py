@@ -6,12 +6,14 @@ import os
 import re
 import signal
 import sys
-from typing import Any, Match
+from typing import Any, Dict, Match, Sequence
 
 from .errors import ConfigError
 
 _OF_PIP = {"click": "click", "numpy": "numpy", "rich": "rich", "serial": "pyserial", "yaml": "PyYAML"}
 """Packages that pip has, by their modules; those of ROS come from apt alone."""
+END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+"""Signals that end a program: Ctrl-C, kill, a closed terminal, Ctrl-backslash."""
 _OWN = ("", "mrl_driver", "sim_arduino", "ros1_bridge")
 
 
@@ -46,6 +48,21 @@ def start(name: str, module: str) -> Any:
             f"python3-{package.replace('_', '-')}{of_pip}\n"
         )
         sys.exit(ConfigError.exit_code)
+
+
+def handle_end_signals(
+    handler: Any, numbers: Sequence[int] = END_SIGNALS, even_ignored: bool = False
+) -> Dict[int, Any]:
+    """Set the handler of these signals, and return those before.  Only for the main thread.
+
+    An ignored signal stays ignored: `nohup` ignores SIGHUP, and a script SIGINT and SIGQUIT for a program in the
+    background.  With `even_ignored` only SIGHUP does.
+    """
+    before: Dict[int, Any] = {}
+    for number in numbers:
+        if signal.getsignal(number) is not signal.SIG_IGN or (even_ignored and number != signal.SIGHUP):
+            before[number] = signal.signal(number, handler)
+    return before
 
 
 def version(package: str = "mrl-driver") -> str:

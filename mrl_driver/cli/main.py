@@ -15,7 +15,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 import click
 
 from mrl_driver.errors import MrlError, OutputError, shortages
-from mrl_driver.program import in_plain_words, version
+from mrl_driver.program import handle_end_signals, in_plain_words, version
 
 INTERRUPTED = 130  # exit code after Ctrl-C, as in shells
 TERMINATED = 143
@@ -136,9 +136,7 @@ def _terminate(*_: Any) -> None:
 
 def main(args: Optional[Sequence[str]] = None) -> None:
     """Run `mrl`; always raises SystemExit.  After a signal the robot is stopped first."""
-    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):  # the last is Ctrl-backslash
-        if signal.getsignal(number) is not signal.SIG_IGN:  # nohup ignores it
-            signal.signal(number, _terminate)
+    handle_end_signals(_terminate, (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT))
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without such characters shows `?`

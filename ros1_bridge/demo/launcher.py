@@ -19,6 +19,7 @@ import click
 
 from mrl_driver.cli.commands.shared import Between
 from mrl_driver.errors import ConfigError, MrlError, SimulatorError
+from mrl_driver.program import handle_end_signals
 from mrl_driver.robot import models
 from mrl_driver.transport.link import require_device
 from ros1_bridge.node.processes import ROOT, Child, RunError, answers, environment, free_port
@@ -29,7 +30,6 @@ SLOW_S = 20.0  # A master that takes longer to start is said to be slow; it is w
 END_S = 25.0  # A part that takes longer than this to end is killed; roslaunch itself kills a node after 17 s
 _POLL_S = 0.05
 _DEFAULT_ROBOT = "traxbot"
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _NEXT = """next:
   . .venv/bin/activate; mrl demo                  drives without ROS
   mrl flash --build virtual --port /dev/ttyACM0   makes a bare board a robot
@@ -173,8 +173,7 @@ def main(
         run = Run(environment(logs, master_port), logs / str(master_port))
         for folder in (logs, run.logs):
             folder.mkdir(parents=True, exist_ok=True)
-        for number in _SIGNALS:
-            signal.signal(number, run.on_signal)
+        handle_end_signals(run.on_signal, even_ignored=True)
         try:
             supervise(run, robot, port, engine, duration or 0.0)
         finally:

@@ -2,7 +2,6 @@
 
 import io
 import os
-import signal
 import sys
 import threading
 from typing import Any, Callable, Optional, Sequence, Union
@@ -13,6 +12,7 @@ from rospy.impl.registration import get_registration_listeners
 
 from mrl_driver.clocks import later, wait_until
 from mrl_driver.errors import ConfigError, MrlError
+from mrl_driver.program import handle_end_signals
 
 from .master_watch import await_master
 from .parameters import Row, read, usage
@@ -92,6 +92,4 @@ def _end_on_signals() -> None:
     def end(number: int, _frame: Any) -> None:
         threading.Thread(target=rospy.signal_shutdown, args=(f"signal {number}",)).start()
 
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
-        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it
-            signal.signal(number, end)
+    handle_end_signals(end, even_ignored=True)

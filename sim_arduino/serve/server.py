@@ -8,12 +8,12 @@ import json
 import math
 import os
 import select
-import signal
 import threading
 import time
 from typing import Any, Callable, Dict, List, Optional, Protocol, Sequence, TextIO
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.program import handle_end_signals
 from mrl_driver.protocol.table import BAUD
 from sim_arduino.board.engine import Engine
 from sim_arduino.hardware.wiring import Plant
@@ -292,8 +292,7 @@ def on_signals(ends: Sequence[Callable[[], None]]) -> None:
         for each in ends:
             each()
 
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, end)
+    handle_end_signals(end, even_ignored=True)
 
 
 def _append(file: TextIO, row: Dict[str, Any]) -> None:

@@ -300,15 +300,16 @@ def test_a_master_that_is_slow_is_waited_for_and_said(run, tmp_path, monkeypatch
     assert capsys.readouterr().out.count("the ROS master is still starting; its log is ") == 1
 
 
-def test_interrupt_while_the_master_starts_ends_everything(start, tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT])
+def test_signal_while_the_master_starts_ends_everything(start, tmp_path, number):
     (tmp_path / "bin").mkdir()
     stand_in(tmp_path, "exec sleep 999")
     run = start(*PYTHON, alone=True, PATH=f"{tmp_path}/bin:{os.environ['PATH']}")
     run.wait_for("starting the ROS node")
     wait_until(lambda: run.named("sleep"), step_s=0.02)
-    run.process.send_signal(signal.SIGINT)
+    run.process.send_signal(number)
     run.end()
-    assert run.process.returncode == 130 and run.alive() == []
+    assert run.process.returncode == 128 + number and run.alive() == []
 
 
 def test_each_master_has_a_home_of_its_own(tmp_path):

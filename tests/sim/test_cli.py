@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 import yaml
@@ -48,7 +49,7 @@ def test_below_roslaunch_there_is_no_next_command():
     os.close(ours)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT])
 def test_ends_cleanly_and_removes_its_link(tmp_path, number):
     link = tmp_path / "ttyTRAX0"
     with Simulator("--link", str(link)) as simulator:
@@ -56,6 +57,15 @@ def test_ends_cleanly_and_removes_its_link(tmp_path, number):
         assert simulator.end(number) == 0
         assert not os.path.lexists(link)
         assert simulator.process.stderr.read() == ""
+
+
+def test_goes_on_below_nohup_when_its_terminal_is_closed():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with Simulator() as simulator, Client(simulator.path) as client:
+        signal.signal(signal.SIGHUP, before)
+        assert client.ask(b"@15e") == b"@15,0e\r\n"
+        status = Path(f"/proc/{simulator.process.pid}/status").read_text()
+        assert int(status.split("SigIgn:")[1].split()[0], 16) >> (signal.SIGHUP - 1) & 1
 
 
 @pytest.mark.parametrize(

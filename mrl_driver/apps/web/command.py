@@ -23,6 +23,7 @@ from mrl_driver.cli.commands.shared import (
 from mrl_driver.errors import ConfigError
 from mrl_driver.host.access import is_loopback
 from mrl_driver.host.named_robots import Target
+from mrl_driver.program import handle_end_signals
 
 if TYPE_CHECKING:
     from mrl_driver.apps.web.server import Server
@@ -121,9 +122,7 @@ def _ended_by_signals(server: "Server") -> Iterator[None]:
 
     before = {}
     if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
-            if signal.getsignal(number) is not signal.SIG_IGN:
-                before[number] = signal.signal(number, end)
+        before = handle_end_signals(end)
     try:
         yield
     finally:
