@@ -14,6 +14,8 @@ _OF_PIP = {"click": "click", "numpy": "numpy", "rich": "rich", "serial": "pyseri
 """Packages that pip has, by their modules; those of ROS come from apt alone."""
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 """Signals that end a program: Ctrl-C, kill, a closed terminal, Ctrl-backslash."""
+REPEATED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Those of them that are ignored while a program ends; Ctrl-backslash still ends one that hangs."""
 _OWN = ("", "mrl_driver", "sim_arduino", "ros1_bridge")
 
 
@@ -36,7 +38,10 @@ def start(name: str, module: str) -> Any:
         gc.freeze()  # nor do later searches need what it made
         gc.enable()
         signal.signal(signal.SIGINT, before)
-        return run()
+        try:
+            return run()
+        finally:
+            handle_end_signals(signal.SIG_IGN, REPEATED)  # Ctrl-C is still held
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
         if package in _OWN:

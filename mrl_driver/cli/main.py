@@ -154,7 +154,7 @@ def main(args: Optional[Sequence[str]] = None) -> None:
         _print_error(_one_line(error))
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt) as error:
-        _print_error(str(error) or "interrupted")
+        _print_error(str(error) or str(error.__context__ or "") or "interrupted")  # click's Abort has no text
         sys.exit(INTERRUPTED)
     except MrlError as error:
         _print_error(error.line)

@@ -20,6 +20,7 @@ from click.shell_completion import BashComplete
 from mrl_driver.apps.review import drive_data
 from mrl_driver.cli import main
 from mrl_driver.cli.commands.radio import print_nodes, print_texts
+from mrl_driver.driver import Driver
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.driver.simulated import SteppedDriver
@@ -75,6 +76,20 @@ def test_a_signal_stops_the_robot_first(serve, number):
     wait_until(lambda: port.board.speeds == (0, 0))  # the board reads what was sent before the end
     assert port.board.heard[-1].code != 11
     assert "Traceback" not in err
+
+
+def test_ctrl_c_says_that_the_robot_was_stopped(serve, monkeypatch):
+    monkeypatch.setattr("mrl_driver.cli.commands.drive.drive_for", mock.Mock(side_effect=KeyboardInterrupt))
+    done = mrl("drive", "--port", serve().path, "--linear", "0.1", "--for", "60")
+    assert (done.returncode, done.stderr.strip()) == (130, "mrl: interrupted; the robot was stopped")
+
+
+def test_ctrl_c_again_does_not_interrupt_the_close(serve, monkeypatch):
+    """Nor does it while it is held; after the close it has its effect again."""
+    close = Driver.close
+    monkeypatch.setattr(Driver, "close", lambda self: (signal.raise_signal(signal.SIGINT), close(self)))
+    assert mrl("info", "--port", serve().path).returncode == 0
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def is_suspended(process):
@@ -462,6 +477,14 @@ def test_a_module_called_serial_that_is_not_pyserial_is_named(tmp_path, words):
     done = python("-m", "mrl_driver", *words, path=tmp_path)
     assert done.returncode == ConfigError.exit_code and done.stderr.count("\n") == 1
     assert f"{tmp_path}/serial.py is not pyserial" in done.stderr
+
+
+def test_ctrl_c_while_it_ends_says_nothing(tmp_path):
+    (tmp_path / "ends.py").write_text(
+        "import atexit, signal\ndef main(): atexit.register(signal.raise_signal, signal.SIGINT)\n"
+    )
+    done = python("-c", "from mrl_driver import program; program.start('ends', 'ends')", path=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def test_ctrl_c_while_it_still_loads_says_nothing(tmp_path):

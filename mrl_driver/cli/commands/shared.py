@@ -4,8 +4,21 @@ import contextlib
 import functools
 import math
 import os
+import signal
 import sys
-from typing import TYPE_CHECKING, Any, Callable, ContextManager, Iterator, List, Mapping, NamedTuple, Optional
+import threading
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Callable,
+    ContextManager,
+    Dict,
+    Iterator,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+)
 
 import click
 
@@ -14,10 +27,10 @@ from mrl_driver.host import named_robots
 from mrl_driver.host.named_robots import Target
 from mrl_driver.json_text import json_text
 from mrl_driver.problems import PROBLEMS
-from mrl_driver.program import in_plain_words
+from mrl_driver.program import REPEATED, handle_end_signals, in_plain_words
 from mrl_driver.robot import models
 from mrl_driver.robot.imu import LEARNING, WAITING
-from mrl_driver.session.events import Awaited, ImuChanged, Lost, PathUnknown, Reconnected, Slowed
+from mrl_driver.session.events import MAY_MOVE, Awaited, ImuChanged, Lost, PathUnknown, Reconnected, Slowed
 from mrl_driver.session.sensor_polling import of_board
 from mrl_driver.transport.address import is_url
 from mrl_driver.transport.baud_rates import FAST_BAUD, SLOW
@@ -233,7 +246,8 @@ def connected(
 
     ConfigError if the block `moves` the robot, and its board has no motors, or if it needs `odometry`, and there is
     none.  BoardRefused if it `moves` a robot whose wiring is not set, unless it `finds_wiring`.  KeyboardInterrupt
-    after Ctrl-C, with the robot stopped.  OutputError if everything else succeeded, but the recording is incomplete.
+    after Ctrl-C, which says whether telemetry has confirmed the stop.  OutputError if everything else succeeded, but
+    the recording is incomplete.
     """
     from mrl_driver.driver import Driver, Options
     from mrl_driver.driver.suspension import stopped_while_suspended
@@ -242,7 +256,7 @@ def connected(
     driver = Driver(require_port(target), model or target.model, target.baud, wanted)
     report_events(driver, Awaited)
     try:
-        with driver, stopped_while_suspended(driver):
+        with closed_without_interruption(driver), stopped_while_suspended(driver):
             if options.get("fast") and driver.link.baud != FAST_BAUD:
                 print_message(f"warning: the serial link stays at {driver.link.baud} baud: {SLOW}")
             if moves and driver.model is not None:
@@ -253,13 +267,30 @@ def connected(
                 driver.model.require_odometry()
             yield driver
     except KeyboardInterrupt:
-        raise KeyboardInterrupt("interrupted; the robot was stopped") from None
+        end = f"; {MAY_MOVE}" if driver.may_be_moving else "; the robot was stopped" if driver.stopped else ""
+        raise KeyboardInterrupt(f"interrupted{end}") from None
     except BaseException:
         if driver.recorder.loss:
             print_message(driver.recorder.loss)
         raise
     if driver.recorder.loss:
         raise OutputError(driver.recorder.loss)
+
+
+@contextlib.contextmanager
+def closed_without_interruption(driver: "Driver") -> Iterator[None]:
+    """Connect a driver for the block, and ignore signals while it closes, about a second: Ctrl-C may be held."""
+    before: Dict[int, Any] = {}
+    try:
+        with driver:
+            try:
+                yield
+            finally:
+                if threading.current_thread() is threading.main_thread():
+                    before = handle_end_signals(signal.SIG_IGN, REPEATED)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _require_wiring(driver: "Driver") -> None:
