@@ -165,6 +165,11 @@ def main(
 ) -> None:
     """Drive a robot through ROS, an emulated one unless --port names a real one, with a live view."""
     try:
+        logs = logs.absolute()  # the parts have other working folders
+        if robot and robot.endswith((".yaml", ".yml")):
+            robot = os.path.abspath(robot)
+        if Path(port).is_char_device():
+            port = os.path.abspath(port)
         if robot and robot != "auto":
             models.load(robot).require_odometry()
         if os.path.isabs(port):  # neither an address nor the name of a robot

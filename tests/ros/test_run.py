@@ -22,8 +22,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from click.testing import CliRunner
 from rosgraph.masterapi import is_online
 
+from mrl_driver.robot import models
 from ros1_bridge.demo import launcher
 from ros1_bridge.demo.launcher import Run, start_master
 from ros1_bridge.node.processes import Child, RunError, answers, environment, free_port
@@ -160,6 +162,21 @@ def test_real_robot_is_driven_by_keys_alone_and_q_gives_back_the_terminal(start,
     assert is_online(master["ROS_MASTER_URI"])
     os.close(user)
     os.close(program)
+
+
+def test_relative_paths_are_those_of_the_folder_in_which_the_run_began(tmp_path, monkeypatch):
+    """The parts have other working folders."""
+    seen = []
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(
+        launcher, "supervise", lambda run, *names: seen.extend([str(run.logs.parent), *names[:2]])
+    )
+    monkeypatch.setattr(launcher, "handle_end_signals", lambda *_, **options: {})
+    Path("own.yaml").write_text(Path(models.path_of("traxbot")).read_text())
+    os.symlink("/dev/null", "ttySIM0")
+    done = CliRunner().invoke(launcher.main, ["--robot", "own.yaml", "--port", "ttySIM0", "--logs", "logs"])
+    assert done.exit_code == 0, done.output
+    assert seen == [f"{tmp_path}/{name}" for name in ("logs", "own.yaml", "ttySIM0")]
 
 
 @pytest.mark.parametrize(
