@@ -41,14 +41,14 @@ def drive(
     """Drive with the keyboard, or at given speeds for a given time.
 
     A robot with a gyro first stands until the gyro's bias is known, for at most 1 s.  The key r releases the emergency
-    stop of a board's input.
+    stop of a board's input.  --for includes the time in which the robot accelerates; for a distance use mrl goto.
 
     \b
     Examples:
       mrl drive --port /dev/ttyACM0                         hold the arrow keys, or w a s d
-      mrl drive --robot lab3 --linear 0.2 --for 2           0.4 m forward
-      mrl drive --robot lab3 --angular 0.5 --for 3.14       a quarter turn left
-      mrl drive --robot omni1 --lateral 0.2 --for 2         0.4 m to the left, on three wheels
+      mrl drive --robot lab3 --linear 0.2 --for 2           for 2 s forward, a bit less than 0.4 m
+      mrl drive --robot lab3 --angular 0.5 --for 3.14       for 3.14 s to the left, almost a quarter turn
+      mrl drive --robot omni1 --lateral 0.2 --for 2         for 2 s to the left, on three wheels
     """
     if (linear, lateral, angular, for_s) == (None, None, None, None):
         if run.as_json or not (sys.stdin.isatty() and shared.full_screen()):
