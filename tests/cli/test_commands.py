@@ -1,6 +1,7 @@
 """The command `mrl`: the robot on a port, its radio, bad input, signals, keys, and its help."""
 
 import errno
+import io
 import json
 import os
 import pathlib
@@ -19,6 +20,7 @@ from click.shell_completion import BashComplete
 
 from mrl_driver.apps.review import drive_data
 from mrl_driver.cli import main
+from mrl_driver.cli.commands import progress
 from mrl_driver.cli.commands.radio import print_nodes, print_texts
 from mrl_driver.driver import Driver
 from mrl_driver.driver.recorded import RecordedDriver
@@ -90,6 +92,17 @@ def test_ctrl_c_again_does_not_interrupt_the_close(serve, monkeypatch):
     monkeypatch.setattr(Driver, "close", lambda self: (signal.raise_signal(signal.SIGINT), close(self)))
     assert mrl("info", "--port", serve().path).returncode == 0
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize("shown", [progress.waiting("asking"), progress.progress("asking", 2)])
+def test_the_cursor_stays_visible_while_a_program_waits(shown, monkeypatch):
+    """Ctrl-Z would leave it hidden."""
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr("sys.stderr", screen := io.StringIO())
+    screen.isatty = lambda: True
+    with shown:
+        text = screen.getvalue()
+    assert text.rindex("\x1b[?25h") > text.rindex("\x1b[?25l")
 
 
 def is_suspended(process):

@@ -18,6 +18,7 @@ def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
 
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        bar.console.show_cursor()  # Ctrl-Z would leave it hidden
         task = bar.add_task(what, total=total)
         yield lambda amount: bar.advance(task, amount)
 
@@ -30,7 +31,9 @@ def waiting(what: str) -> Iterator[None]:
         return
     from rich.console import Console
 
-    with Console(stderr=True).status(what):
+    console = Console(stderr=True)
+    with console.status(what):
+        console.show_cursor()  # Ctrl-Z would leave it hidden
         yield
 
 
