@@ -18,7 +18,7 @@ from mrl_driver.transport import port_info
 from mrl_driver.transport.link import SerialLink
 from mrl_driver.transport.port_info import Port
 
-from .run import mrl
+from .run import fails, mrl
 
 
 @pytest.fixture
@@ -197,6 +197,10 @@ def test_a_probe_asks_boards_of_arduino_named_robots_and_ports_given_but_no_othe
     assert {name for name, row in found.items() if row["asked"]} == {given.path, named.path, UNO.device}
     assert (found[given.path]["robot_id"], found[named.path]["robot_id"]) == (1, 2)
     assert found[named.path]["name"] == "lab2" and not other.received
+
+
+def test_a_port_that_does_not_exist_is_an_error():
+    assert "'/nope' does not exist" in fails(3, "ports", "--probe", "/nope")
 
 
 def test_a_port_in_use_is_never_opened(there, serve):

@@ -10,7 +10,7 @@ from mrl_driver.host import named_robots
 from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot.battery import voltage_text
 
-from .shared import Between, complete_port, json_option, print_json
+from .shared import Between, complete_port, json_option, print_json, require_device
 
 Row = Dict[str, Any]
 Cell = List[Tuple[str, str]]  # texts and their styles
@@ -49,6 +49,8 @@ def ports(port: Tuple[str, ...], probe: bool, wait_s: Optional[float], as_json: 
     for name, value in (("PORT", port), ("--wait", wait_s)):
         if value and not probe:
             raise ConfigError(f"{name} is given without --probe, expected both or neither")
+    for each in port:
+        require_device(each)
     rows = _rows(port)
     if probe:
         _ask(rows, port, wait_s)
