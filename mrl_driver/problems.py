@@ -88,9 +88,10 @@ recording_damaged: Parts of the recording cannot be read
   cause: The disk was full, or the file was copied in part.
   remedy: free disk space before the next recording, and copy files whole
 recording_breaks_off: The recording ends while the robot drives
-  cause: The program was killed, the computer lost its power or hung, or the file was copied in part. The board stops
-    the robot by its watchdog; a board with the firmware of 2013 drives on.
-  remedy: check the supply of the computer, and end programs with Ctrl-C instead of killing them
+  cause: The program was killed, the computer lost its power or hung, the disk stayed full, or the file was copied in
+    part. The board stops the robot by its watchdog; a board with the firmware of 2013 drives on.
+  remedy: check the supply of the computer and the free space on its disk, and end programs with Ctrl-C instead of
+    killing them
 simulator_error: the emulator cannot be built or started
   cause: A compiler, a library or the firmware's binary is missing, or the world does not fit the robot.
   remedy: read the message; for a missing build run make firmware in the repository

@@ -178,7 +178,7 @@ class RecordedDriver(Driver):
         recording: the file.
         time_s: time of the entry that is being played, since the recording began [s].
         gaps: lines that could not be written, so far.
-        breaks_off: nobody ended the recording: the program was killed, or the computer lost its power; after `play`.
+        breaks_off: the end of the recording is missing, and nobody writes it any more; after `play`.
 
     Raises:
         ConfigError: the file is not a recording, or the robot model is unknown or invalid.
@@ -206,7 +206,7 @@ class RecordedDriver(Driver):
         self._connection.closing = True
         self._connection.refusal = f"nothing is sent to the robot of a recording ({self.recording.path})"
         self.gaps: List[Gap] = []
-        self.breaks_off = header.get("marks_end") is True
+        self.breaks_off = header.get("marks_end") is True and not self.recording.grows
         self._session_known = opening.has_session
         self._played = self._quiet = False
         self._serving = not opening.has_session

@@ -66,7 +66,7 @@ LACKS = b"file_lacks "
 the last one before them [s], and the `reason`."""
 ENDS = b"file_ends"
 """A remark, the last one: the recording was ended.  If it is missing and the header has `marks_end`, the program was
-killed, the computer lost its power, or the file was cut."""
+killed, the computer lost its power, the disk stayed full, or the file was cut."""
 _OWN = (OPENED, CHECKED, PLAIN, SESSION, MODEL, POSE, STOP, CLOCK, LOST, RECONNECTED, SLOWED, ENDED)
 OWN_REMARKS = tuple(word.strip() for word in (*_OWN, LACKS, ENDS))
 """First words of the driver's own remarks.  Readers ignore those that they do not know."""
@@ -136,7 +136,7 @@ class Recorder:
         self._waiting: Deque[Entry] = deque()
         self._held: List[Entry] = []
         self._written_s = self._kept_s = 0.0
-        """Time of the last line that was made, and of the last one that is in the file [s]."""
+        """Time of the last line that was made, and of the last one that is whole in the file [s]."""
         self._ended = threading.Event()
         try:
             self._fd = _open_alone(path)
@@ -186,10 +186,8 @@ class Recorder:
             self._ended.set()
             if self._thread is not None:
                 self._thread.join()
-            self._save()
-            self._save(ends=True)  # after a report of lines for which there was no place
-            if self._thread is not None:
-                self._sync()
+            else:
+                self._save_rest()
             with contextlib.suppress(OSError):  # a forked child has the descriptor, too
                 fcntl.flock(self._fd, fcntl.LOCK_UN)
             os.close(self._fd)
@@ -202,6 +200,12 @@ class Recorder:
             if self._clock() >= synced_s + SYNC_S:
                 self._sync()
                 synced_s = self._clock()
+        self._save_rest()
+        self._sync()
+
+    def _save_rest(self) -> None:
+        self._save()
+        self._save(ends=True)  # after a report of lines for which there was no place
 
     def _follow_clock(self) -> None:
         """Note the wall clock if it was set."""
@@ -248,15 +252,24 @@ class Recorder:
             self.error = error.strerror or str(error)
         else:
             lost = min(lines, data[done:].count(b"\n"))
-            if b"\n" in data[:done].lstrip(b"\n"):  # the first line, with the report of those before
+            kept = data[:done].lstrip(b"\n").rpartition(b"\n")[0]
+            if kept:  # the first line, with the report of those before
                 self._missing = 0
+                if not kept.startswith(_MAGIC.encode()):
+                    self._kept_s = float(kept.rpartition(b"\n")[2].partition(b" ")[0])
             self._torn = done < len(data)
             if self._torn:
                 self.error = "the disk accepted only a part of a line"
-            else:
-                self._kept_s = self._written_s
+                self._cut(len(data[:done].rpartition(b"\n")[2]))
         self.lost += lost
         self._missing += lost
+
+    def _cut(self, torn: int) -> None:
+        """Remove the bytes of a torn line at the end of the file, which could pass for a whole one."""
+        with contextlib.suppress(OSError):  # a pipe has no end
+            os.lseek(self._fd, -torn, os.SEEK_CUR)
+            os.ftruncate(self._fd, os.lseek(self._fd, 0, os.SEEK_CUR))
+            self._torn = False
 
 
 def _open_alone(path: str) -> int:
@@ -275,6 +288,18 @@ def _open_alone(path: str) -> int:
     return fd
 
 
+def _is_written(fd: int) -> bool:
+    """Return whether a recorder writes a file that was opened for reading."""
+    try:
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # a file system without locks
+        return False
+    fcntl.flock(fd, fcntl.LOCK_UN)
+    return False
+
+
 def started_s(header: Dict[str, Any]) -> float:
     """The wall clock when the recording began [s]; 0 if the file does not hold it."""
     try:
@@ -287,7 +312,7 @@ class Recording:
     """Reads a recording as a stream: memory does not grow with the file.
 
     `header` holds the facts that the recorder wrote, none if it is damaged; `skipped` maps the number of each line that
-    cannot be read (at most 100) to the reason.  ConfigError if the file does not exist or is not a plain file (reading
+    cannot be read (at most 100) to the reason; `grows` says whether a recorder still writes the file.  ConfigError if the file does not exist or is not a plain file (reading
     a port would wait for bytes), is not a recording, or has a newer version.
     """
 
@@ -298,6 +323,7 @@ class Recording:
         try:
             with open_plain(path) as file:
                 text = file.read(LONGEST_LINE)
+                self.grows = _is_written(file.fileno())
         except OSError as error:
             raise ConfigError(f"cannot read {path!r}: {error.strerror}; give a recording") from None
         for start, what in _OTHERS.items():

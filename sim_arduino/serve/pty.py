@@ -93,19 +93,24 @@ class PtyPort:
 
     def newly_opened(self) -> bool:
         """Counts the programs that opened or closed the port; True if it was closed before and is open now."""
-        newly = False
-        for opened in _events(self.watch):
+        newly, events = False, list(_events(self.watch))
+        for number, opened in enumerate(events, 1):
             self._clients = max(0, self._clients + (1 if opened else -1))
             if opened and self._clients == 1:
                 termios.tcflush(self._slave, termios.TCIFLUSH)
                 newly = True
             elif not self._clients:
-                self._on_last_close()
+                self._on_last_close(others=any(events[number:]))
         return newly
 
-    def _on_last_close(self) -> None:
-        """Keeps the bytes from the last program, and resets its settings, as a real device does at the last close."""
+    def _on_last_close(self, others: bool) -> None:
+        """Keeps the bytes from the last program, and resets its settings, as a real device does at the last close.
+
+        The settings may be those of `others`, which have opened the port since then.
+        """
         self._left += self._read(EVERYTHING)
+        if others:
+            return
         fcntl.ioctl(self._slave, termios.TIOCNXCL)
         termios.tcsetattr(self._slave, termios.TCSANOW, self._settings)
         termios.tcflush(self._slave, termios.TCIFLUSH)

@@ -265,6 +265,19 @@ def test_the_reason_of_a_loss_is_kept_when_there_is_room_again(tmp_path, monkeyp
     assert json.loads(lack[len(LACKS) :]) == {"lines": 1, "since_s": 0.0, "reason": os.strerror(errno.ENOSPC)}
 
 
+def test_a_lack_begins_after_the_last_line_that_is_whole(tmp_path, monkeypatch):
+    """The disk takes one line and a part of the next."""
+    now_s = [0.0]
+    recorder, write = Recorder(str(tmp_path / "log"), clock=lambda: now_s[0]), os.write
+    for now_s[0] in (1.0, 2.0, 3.0):
+        recorder.add(FROM_BOARD, b"12345")
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "write", lambda fd, data: write(fd, data[:20]))
+        recorder.close()
+    assert recorder.lost == 2 and (tmp_path / "log").read_text().endswith("\n1.000000 < 12345\n")
+    assert Recording(str(tmp_path / "log")).skipped == {}
+
+
 def test_the_line_after_one_that_the_disk_took_in_part_is_whole(tmp_path, monkeypatch):
     recorder, write = Recorder(str(tmp_path / "log")), os.write
     with monkeypatch.context() as patch:
@@ -276,7 +289,6 @@ def test_the_line_after_one_that_the_disk_took_in_part_is_whole(tmp_path, monkey
     assert (recorder.lost, recorder.error) == (1, "the disk accepted only a part of a line")
     reason = f'"reason": "{recorder.error}"}}'.split()
     assert [line.split(" ")[2:] for line in (tmp_path / "log").read_text().splitlines()[1:]] == [
-        ["to"],
         ["file_lacks", '{"lines":', "1,", '"since_s":', "0.0,", *reason],
         ["whole"],
         ["file_ends"],

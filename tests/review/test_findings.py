@@ -14,6 +14,7 @@ from mrl_driver.apps.review.findings.evidence import SETTLING_S, interruptions
 from mrl_driver.driver import Options
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.recording.recording import Recorder
 from sim_arduino.serve import factory
 from tests.conftest import EXPLORE
 
@@ -138,6 +139,15 @@ def test_a_recording_that_breaks_off_while_the_robot_drives_is_a_finding(lines, 
     drive, (found,) = reviewed(tmp_path / "x.mrl", [lines[0], *until(lines, 3.5)])
     assert found.kind == "recording_breaks_off" and found.data
     assert drive.breaks_off and found.time_s == pytest.approx(3.5, abs=0.2)
+
+
+def test_a_recording_that_is_still_written_does_not_break_off(tmp_path):
+    path = str(tmp_path / "x.mrl")
+    recorder = Recorder(path)
+    try:
+        assert not RecordedDriver(path).breaks_off
+    finally:
+        recorder.close()
 
 
 @pytest.mark.parametrize(

@@ -122,6 +122,18 @@ def test_the_rate_is_that_of_the_bytes(port, code, baud):
     assert (port.baud, port.read(), port.baud) == (baud, b"@13e", 115200)
 
 
+def test_the_rate_of_a_program_is_not_lost_with_the_close_of_the_one_before(port):
+    """It opens the port before the emulator looks."""
+    with Client(port.path):
+        port.newly_opened()
+    with Client(port.path) as client:
+        settings = termios.tcgetattr(client.fd)
+        settings[4:6] = termios.B57600, termios.B57600
+        termios.tcsetattr(client.fd, termios.TCSANOW, settings)
+        port.newly_opened()
+        assert port.baud == 57600
+
+
 def test_a_program_that_sets_no_rate_has_that_of_the_board(port):
     with Client(port.path):
         port.newly_opened()

@@ -147,7 +147,7 @@ class DriveData(NamedTuple):
     sent: Frames  # frames to the board
     skipped_lines: int  # lines of the recording that could not be read, or not be written
     gaps: List[Gap]  # lines that could not be written
-    breaks_off: bool  # nobody ended the recording: the program was killed, or the computer lost its power
+    breaks_off: bool  # the end of the recording is missing, and nobody writes it any more
 
     @property
     def robot_name(self) -> str:

@@ -338,8 +338,8 @@ def _skipped(drive: DriveData) -> Iterator[Finding]:
 
 
 def _break(drive: DriveData) -> Iterator[Finding]:
-    """Nobody ended the recording, and the last command moves the robot."""
+    """The end of the recording is missing, and the last command moves the robot."""
     if drive.breaks_off and np.any(command_at(drive, [np.nextafter(drive.duration_s, math.inf)])):
         at_s = float(drive.commands.time_s[-1])
-        text = "Nobody ended it, and its last command moves the robot. What happened then is not in it."
+        text = "Its end is missing, and its last command moves the robot. What happened then is not in it."
         yield finding("recording_breaks_off", 83, text, (at_s, TO_BOARD, drive.sent.at(at_s)))
