@@ -312,8 +312,9 @@ class Recording:
     """Reads a recording as a stream: memory does not grow with the file.
 
     `header` holds the facts that the recorder wrote, none if it is damaged; `skipped` maps the number of each line that
-    cannot be read (at most 100) to the reason; `grows` says whether a recorder still writes the file.  ConfigError if the file does not exist or is not a plain file (reading
-    a port would wait for bytes), is not a recording, or has a newer version.
+    cannot be read (at most 100) to the reason; `grows` says whether a recorder still writes the file.  ConfigError if
+    the file does not exist or is not a plain file (reading a port would wait for bytes), is not a recording, or has a
+    newer version.
     """
 
     def __init__(self, path: str) -> None:

@@ -51,9 +51,8 @@ class VelocityMux:
         self._locks = {lock.name: lock for lock in locks}
         self._commanded_s: Dict[str, float] = {}
         self._locked: Dict[str, Tuple[bool, float]] = {}
-        self._driver = self._moves = (
-            ""  # whose command passed last; that of them that moves, perhaps with a zero between
-        )
+        self._driver = ""  # whose command passed last
+        self._moves = ""  # the same if it moves the robot, perhaps with a zero between two moves
 
     def command(self, name: str, numbers: Sequence[float], now_s: float) -> Optional[Sequence[float]]:
         """What to publish after a source's command: its numbers, zeros if one is not finite.

@@ -128,9 +128,7 @@ class HelmState:
     latched: bool = False
     latched_by: Optional[int] = None  # the client that set the emergency stop; None: none of ours
     latched_by_other: str = ""  # name of another source of the emergency stop; empty: there is none
-    released_by_other: bool = (
-        False  # the robot had our emergency stop and follows commands again: not by `release`
-    )
+    released_by_other: bool = False  # another program has released our emergency stop
     spent: Dict[int, int] = field(default_factory=dict)  # the newest press of each client that is over
     why: Why = GOING  # why the robot was stopped last; `none` while a press is in force
     late: int = 0  # commands that were dropped because they were too old, or their age was not known
