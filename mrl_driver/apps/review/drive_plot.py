@@ -105,7 +105,7 @@ def _draw_path(axes: Any, drive: DriveData) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.1)
     axes.grid(color="0.9")
-    axes.legend(fontsize="small")
+    axes.legend(fontsize="small", loc="upper right")
 
 
 def _hits(drive: DriveData) -> List[Tuple[float, float]]:
@@ -139,7 +139,7 @@ def _draw_chart(axes: Any, chart: Chart, drive: DriveData) -> None:
         axes.set_ylim(bottom=0)
     axes.set_ylabel(f"{chart.title.lower()} [{chart.unit}]" if chart.unit else chart.title.lower())
     if len(chart.curves) <= _MOST_NAMES:
-        axes.legend(fontsize="x-small", ncol=3)
+        axes.legend(fontsize="x-small", loc="upper right", ncol=3)
 
 
 def _smooth(times: Any, values: Any) -> Any:
